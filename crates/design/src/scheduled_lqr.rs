@@ -132,7 +132,8 @@ pub fn state_estimator(
         drive_coefficient: share(tuning.estimator_drive_lag),
         slew: n.motor_slew * n.control_period,
         free_slew: tuning.estimator_free_slew,
-        delay_cycles,
+        measurement_delay_cycles: delay_cycles,
+        command_delay_cycles: delay_cycles,
     }
 }
 

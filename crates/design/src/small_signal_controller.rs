@@ -68,7 +68,7 @@ impl SmallSignalController {
             position,
         );
         let settled = Settled { estimator, law, estimated, state, preview, rest };
-        let kept = 2 * estimator.delay_cycles + 1;
+        let kept = estimator.total_delay() + 1;
         let order = STATES + 1 + kept;
         let size = |i: usize| if i < STATES { STATE_SIZES[i] } else { 1.0 };
         let (mut a, mut b) = (DMatrix::zeros(order, order), DMatrix::zeros(order, READINGS));

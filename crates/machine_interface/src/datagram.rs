@@ -69,6 +69,15 @@ pub enum Peer {
 }
 
 impl Peer {
+    /// Name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Controller => "controller",
+            Self::SimulatedMachine => "simulated machine",
+            Self::RealMachine => "real machine",
+        }
+    }
+
     fn of(number: u8) -> Option<Self> {
         [Self::Controller, Self::SimulatedMachine, Self::RealMachine]
             .into_iter()

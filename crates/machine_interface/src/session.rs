@@ -1,6 +1,10 @@
 //! A session: which datagrams of the peer are accepted, and why others are dropped.
 
 use crate::datagram::{Body, Dropped, Header, decode};
+use std::time::Duration;
+
+/// Time without an accepted command after which a machine stops its motor and shuts its load-holding valve by itself.
+pub const WATCHDOG: Duration = Duration::from_millis(20);
 
 /// Datagrams by what became of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

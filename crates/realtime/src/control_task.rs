@@ -2,7 +2,7 @@
 
 use crate::conditions::Conditions;
 use crate::course::Course;
-use crate::machine::Incoming;
+use crate::machine::{Incoming, Link};
 use crate::simulation_task::Simulated;
 use hydroboom_control::controller::Controller;
 use hydroboom_control::estimation::reduced_model::MachineState;
@@ -15,7 +15,7 @@ use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::preview::{PERIODS_AHEAD, Preview};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_control::supervision::limits::{Limits, Observation, ValveState};
+use hydroboom_control::supervision::limits::{Limits, MachineStatus, Observation, ValveState};
 use hydroboom_control::supervision::plausibility::ranges;
 use hydroboom_control::supervision::supervisor::{Decision, Request, Supervisor};
 use hydroboom_description::Description;
@@ -83,6 +83,10 @@ pub struct Record {
     pub start_offset: f64,
     /// What was measured.
     pub measurement: Measurement,
+    /// State that the machine reports of itself, where it reports one.
+    pub status: Option<MachineStatus>,
+    /// What its attachment tells of itself, where it counts.
+    pub link: Option<Link>,
     /// What the simulation showed.
     pub simulated: Option<Simulated>,
     /// What was decided and sent.
@@ -226,6 +230,8 @@ pub struct ControlTask {
     wanted: f64,
     measurement: Measurement,
     valve: Option<ValveState>,
+    status: Option<MachineStatus>,
+    link: Option<Link>,
     age: f64,
 }
 
@@ -269,6 +275,8 @@ impl ControlTask {
             wanted: 0.0,
             measurement: Measurement::default(),
             valve: None,
+            status: None,
+            link: None,
             age: f64::INFINITY,
         }
     }
@@ -322,9 +330,13 @@ impl ControlTask {
         self.age += now.elapsed;
         if let Some(incoming) = newest {
             self.measurement = incoming.measurement;
-            self.valve = incoming.valve;
+            (self.valve, self.status) = (incoming.valve, incoming.status);
             self.age = 0.0;
         }
+        let lost_before = self.link.map_or(0, |link| link.lost);
+        // an attachment also tells what it did while no measurement came
+        self.link = now.incoming.and_then(|incoming| incoming.link);
+        let lost = self.link.map_or(0, |link| link.lost.saturating_sub(lost_before));
         let measured = BenchmarkInput::of(self.signals(), self.area_ratio);
         let controls = self.decision.controls;
         if !controls {
@@ -354,8 +366,11 @@ impl ControlTask {
             elapsed: now.elapsed,
             reading: *self.signals(),
             valve: self.valve,
+            machine: self.status,
             age: self.age,
             new_readings,
+            lost_readings: u32::try_from(lost).unwrap_or(u32::MAX),
+            commands_lost: self.link.is_some_and(|link| link.commands_lost),
             reference: reference.position,
             tracking: self.tracking,
             wanted: self.wanted,
@@ -373,6 +388,8 @@ impl ControlTask {
             reference,
             start_offset: if controls { self.start_offset } else { 0.0 },
             measurement: self.judged(),
+            status: self.status,
+            link: self.link,
             simulated: now.simulated,
             decision: self.decision,
             strategy: self.strategy,
@@ -401,6 +418,12 @@ impl ControlTask {
         else {
             return;
         };
+        // delays are those of the attachment, where it measures them; they stay while the load moves
+        let is_held = self.decision.is_at_rest();
+        if let Some(delay) = self.link.and_then(|link| link.delay).filter(|_| is_held) {
+            let [measurement, command] = delay.cycles();
+            controller.set_delays(measurement, command);
+        }
         match self.decision.controls {
             true => controller.observe(&measurement, self.decision.command.motor_speed),
             false => controller.observe_held(&measurement),

@@ -13,7 +13,7 @@ use crate::control_task::{ControlTask, Deadlines, Period, Record};
 use crate::course::Course;
 use crate::desk::Desk;
 use crate::failure::{Failure, guarded, hand_panics_on, unwind_once};
-use crate::machine::Machine;
+use crate::machine::{Machine, Outgoing};
 use crate::operator::Operator;
 use crate::posix::{
     lock_memory, now, pin_to, run_first, stay_awake, stolen, thread_time, wait_until,
@@ -23,9 +23,9 @@ use crate::simulation_task::{AtRest, Simulated, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
-use hydroboom_control::command::{AxisCommand, Command};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::controller::{AxisState, SimulatedState};
-use hydroboom_control::measurement::{AXES, Measurement};
+use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Cause;
@@ -72,10 +72,6 @@ const ORDERS: usize = 16;
 const SHOWN: u64 = 20;
 /// Periods for which the load has to rest before a run ends.
 const RESTED: u32 = 200;
-
-/// The safe command: motor at zero, load held by its valves.
-const HELD: Command =
-    Command { axes: [AxisCommand { motor_speed: 0.0, holding_valve: 0.0 }; AXES] };
 
 /// What a run in real time came to.
 #[derive(Clone, Debug)]
@@ -402,7 +398,7 @@ fn hold(
     let Steering { task, machine, desk, records, ending, spin, timing, sequence, last, .. } = with;
     let mut shut = || {
         *sequence += 1;
-        guarded(|| machine.write(*sequence, &HELD)).is_ok()
+        guarded(|| machine.write(*sequence, &Outgoing::SAFE)).is_ok()
     };
     let mut is_heard = shut();
     // the simulation rests
@@ -452,6 +448,8 @@ fn unrecorded(decision: Decision, strategy: Strategy, conditions: Conditions) ->
         reference: SetPoint::default(),
         start_offset: 0.0,
         measurement: Measurement::default(),
+        status: None,
+        link: None,
         simulated: None,
         decision,
         strategy,
@@ -512,8 +510,8 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
         *sequence += 1;
         // a command that was decided before a stop of this process is not sent after it
         let is_late = (now() - clock) as f64 * 1e-9 > task.watchdog();
-        let command = Command { axes: [record.decision.command] };
-        machine.write(*sequence, if is_late { &HELD } else { &command });
+        let outgoing = if is_late { Outgoing::SAFE } else { Outgoing::of(&record.decision) };
+        machine.write(*sequence, &outgoing);
         *last = Some(record);
         let pump = task.simulated_motor();
         let Conditions { payload, transition_pressure } = task.conditions();

@@ -44,7 +44,7 @@ pub fn host(
             trouble.tamper(what);
         }
         let measurement = Measurement { number, ..crane.measurement() };
-        let incoming = Incoming { measurement, valve: crane.valve() };
+        let incoming = Incoming::new(measurement, crane.valve());
         if let Some(shown) = trouble.reading(incoming) {
             shared.show(&shown);
         }

@@ -19,12 +19,14 @@
     clippy::unreachable
 )]
 
+pub mod bus_task;
 pub mod campaign_cranes;
 pub mod conditions;
 pub mod control_task;
 pub mod course;
 pub mod desk;
 pub mod doctor;
+pub mod endpoint;
 pub mod executive;
 pub mod failure;
 pub mod fault;
@@ -32,6 +34,8 @@ pub mod faults;
 pub mod flow_baseline;
 pub mod healthy;
 pub mod host;
+pub mod local_lockstep;
+pub mod local_machine;
 pub mod lockstep;
 pub mod log;
 pub mod machine;

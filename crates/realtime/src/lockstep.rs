@@ -165,10 +165,8 @@ impl Lockstep {
         disturbance: &mut dyn Disturbance,
     ) -> Result<Record, SimulationError> {
         self.sequence += 1;
-        let incoming = Incoming {
-            measurement: Measurement { number: self.sequence, ..self.machine.measurement() },
-            valve: self.machine.valve(),
-        };
+        let measurement = Measurement { number: self.sequence, ..self.machine.measurement() };
+        let incoming = Incoming::new(measurement, self.machine.valve());
         let incoming = disturbance.reading(incoming);
         let is_held_up = disturbance.control_is_held_up();
         if let (true, Some(record)) = (is_held_up, self.record) {
@@ -264,30 +262,91 @@ const RESTED: u32 = 200;
 ///
 /// [`SimulationError`] when the machine breaks.
 pub fn run(
-    mut lockstep: Lockstep,
+    lockstep: Lockstep,
     machine: &Description,
     lookout: Lookout<'_>,
     pace: Pace,
 ) -> Result<Decision, SimulationError> {
+    let watched = Watched { trouble: Trouble::new(machine), desk: lookout.desk };
+    attend(&mut Disturbed { lockstep, watched }, lookout, pace)
+}
+
+/// Tasks and a machine that go on by control periods in simulated time.
+pub trait Periods {
+    /// Why they cannot go on.
+    type Error;
+    /// Duration of a control period \[s\].
+    fn duration(&self) -> f64;
+    /// Takes an order.
+    fn take(&mut self, order: Order);
+    /// One control period; what was true of the machine before it, where that is known, and what was done in it.
+    ///
+    /// # Errors
+    ///
+    /// Where they cannot go on.
+    fn next(
+        &mut self,
+        operator: &mut Operator,
+        desk: &Desk,
+    ) -> Result<(Option<Truth>, Record), Self::Error>;
+}
+
+/// A virtual crane that something may be done to.
+struct Disturbed<'a> {
+    lockstep: Lockstep,
+    watched: Watched<'a>,
+}
+
+impl Periods for Disturbed<'_> {
+    type Error = SimulationError;
+
+    fn duration(&self) -> f64 {
+        self.lockstep.machine.period()
+    }
+
+    fn take(&mut self, order: Order) {
+        if let Some(what) = self.lockstep.take(order) {
+            self.watched.trouble.tamper(what);
+        }
+    }
+
+    fn next(
+        &mut self,
+        operator: &mut Operator,
+        desk: &Desk,
+    ) -> Result<(Option<Truth>, Record), SimulationError> {
+        let truth = self.lockstep.truth();
+        let strategy = desk.strategy();
+        let record = self.lockstep.disturbed_period(operator, strategy, &mut self.watched)?;
+        self.watched.trouble.pass();
+        Ok((Some(truth), record))
+    }
+}
+
+/// Runs a session by control periods until it ends; what was decided last.
+///
+/// # Errors
+///
+/// Where the periods cannot go on.
+pub fn attend<P: Periods>(
+    periods: &mut P,
+    lookout: Lookout<'_>,
+    pace: Pace,
+) -> Result<Decision, P::Error> {
     let Lookout { desk, attendant, ending } = lookout;
-    let mut operator = Operator::new(lockstep.machine.period());
-    let mut watched = Watched { trouble: Trouble::new(machine), desk };
-    let period = (lockstep.machine.period() * 1e9).round() as u64;
+    let mut operator = Operator::new(periods.duration());
+    let period = (periods.duration() * 1e9).round() as u64;
     let (mut release, mut rested, mut count) = (now(), 0, 0_u32);
     loop {
         if count.is_multiple_of(ORDERS) {
-            for order in attendant.orders() {
-                if let Some(what) = lockstep.take(order) {
-                    watched.trouble.tamper(what);
-                }
-            }
+            attendant.orders().into_iter().for_each(|order| periods.take(order));
         }
         count = count.wrapping_add(1);
         operator.listen(desk);
-        let truth = lockstep.truth();
-        let record = lockstep.disturbed_period(&mut operator, desk.strategy(), &mut watched)?;
-        watched.trouble.pass();
-        attendant.see_truth(&truth);
+        let (truth, record) = periods.next(&mut operator, desk)?;
+        if let Some(truth) = truth {
+            attendant.see_truth(&truth);
+        }
         attendant.see(&record);
         rested = match ending.has_come(&operator, desk, &record.decision) {
             true => rested + 1,

@@ -14,6 +14,7 @@ use hydroboom_control::estimation::tip::TipEstimate;
 use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::limits::MachineStatus;
 use hydroboom_control::supervision::supervisor::State;
 use hydroboom_files::{FileError, Output};
 use hydroboom_measurement::mcap::{self, Loss, Stop};
@@ -67,13 +68,14 @@ fn fields() -> Vec<(&'static str, &'static str)> {
     let mut fields: Vec<(&str, &str)> = NUMBERS.iter().map(|(name, _)| (*name, "number")).collect();
     fields.extend([("state", "string"), ("cause", "string"), ("strategy", "string")]);
     fields.extend([("fallback", "boolean"), ("fallback_cause", "string")]);
+    fields.push(("machine_state", "string"));
     fields
 }
 
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 52] = [
+const NUMBERS: [Number; 57] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
@@ -130,11 +132,26 @@ const NUMBERS: [Number; 52] = [
     ("simulation_late_us", |r| r.deadlines.map(|d| d.simulation_late as f64 * 1e-3)),
     ("simulation_execution_us", |r| r.deadlines.map(|d| d.simulation_execution as f64 * 1e-3)),
     ("simulation_missed", |r| r.deadlines.map(|d| d.simulation_missed as f64)),
+    ("delay_cycles", |r| r.link.and_then(|link| link.delay).map(|delay| delay.total)),
+    ("measurement_delay_cycles", |r| {
+        r.link.and_then(|link| link.delay).map(|delay| delay.measurement)
+    }),
+    ("measurements_lost", |r| r.link.map(|link| link.lost as f64)),
+    ("datagrams_dropped", |r| r.link.map(|link| link.dropped as f64)),
+    ("machine_fault_code", |r| match r.status {
+        Some(MachineStatus::Fault { code }) => Some(f64::from(code)),
+        _ => None,
+    }),
 ];
 
 /// A length of the estimated tip \[mm\].
 fn tip(record: &Record, of: fn(&TipEstimate<f64>) -> f64) -> Option<f64> {
     record.estimates.and_then(|e| e.tip).map(|tip| of(&tip) * 1e3)
+}
+
+/// State that the machine reports of itself; empty where it reports none.
+fn machine_state(record: &Record) -> &'static str {
+    record.status.map_or("", MachineStatus::name)
 }
 
 /// A log being written.
@@ -201,6 +218,7 @@ impl LogWriter {
         message.insert("fallback".into(), json!(record.fallback.is_some()));
         let fallback = record.fallback.map_or("", |cause| cause.name());
         message.insert("fallback_cause".into(), json!(fallback));
+        message.insert("machine_state".into(), json!(machine_state(record)));
         let time = (record.time * 1e9).round() as u64;
         let header = MessageHeader {
             channel_id: self.channel,
@@ -268,6 +286,7 @@ pub fn csv(records: &[Record]) -> String {
         );
         cells.push(record.fallback.is_some().to_string());
         cells.push(record.fallback.map_or("", |cause| cause.name()).into());
+        cells.push(machine_state(record).into());
         text += &cells.join(",");
         text.push('\n');
     }

@@ -3,6 +3,7 @@
 
 use std::fs::File;
 use std::io::{self, Write};
+use std::os::fd::AsRawFd;
 
 /// A clock's time \[ns\].
 fn clock(id: libc::clockid_t) -> u64 {
@@ -87,6 +88,23 @@ pub fn may_lock_memory() -> bool {
     let (known, user) =
         unsafe { (libc::getrlimit(libc::RLIMIT_MEMLOCK, &mut limit) == 0, libc::geteuid()) };
     user == 0 || (known && limit.rlim_cur == libc::RLIM_INFINITY)
+}
+
+/// User whose rights this process has.
+pub fn effective_user() -> u32 {
+    // SAFETY: it takes nothing and always succeeds.
+    unsafe { libc::geteuid() }
+}
+
+/// Sleeps until there is something to read, for so long at most \[ns\].
+pub fn wait_for_input(of: &impl AsRawFd, nanoseconds: u64) {
+    let mut waited = libc::pollfd { fd: of.as_raw_fd(), events: libc::POLLIN, revents: 0 };
+    let most = libc::timespec {
+        tv_sec: (nanoseconds / 1_000_000_000) as libc::time_t,
+        tv_nsec: (nanoseconds % 1_000_000_000) as libc::c_long,
+    };
+    // SAFETY: one valid entry, a valid time, no signal mask. What it says is not needed: whoever reads finds out.
+    unsafe { libc::ppoll(&mut waited, 1, &most, std::ptr::null()) };
 }
 
 /// Time that a hypervisor has taken from a core since it came up \[s\], in steps of 10 ms; none where the

@@ -1,6 +1,7 @@
 //! What a start waits for, in words.
 
 use hydroboom_control::supervision::supervisor::{Decision, State};
+use hydroboom_control::supervision::waiting::Waiting;
 
 /// What has to come before a course can be started, to be read after "waits for"; none when it can be started now.
 /// `attended`: whether an operator is present.
@@ -11,6 +12,7 @@ pub fn start_waits_for(decision: &Decision, attended: bool) -> Option<&'static s
         _ if !attended => Some("an operator"),
         State::Ready => Some("the load to be still"),
         State::Holding if decision.releasing => Some("the end of the release under way"),
+        State::Holding if decision.waiting == Waiting::Drives => Some(Waiting::Drives.text()),
         State::Holding => None,
         State::Moving => Some("the end of the course"),
         State::Stopping => Some("the load to come to rest"),

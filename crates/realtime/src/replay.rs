@@ -3,10 +3,9 @@
 use crate::control_task::{ControlTask, Period, Record};
 use crate::course::Course;
 use crate::log::Row;
-use crate::machine::{Incoming, Machine};
+use crate::machine::{Incoming, Machine, Outgoing};
 use crate::setup::SetupError;
 use crate::simulation_task::{AtRest, SimulationTask};
-use hydroboom_control::command::Command;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -37,12 +36,12 @@ impl Machine for Replay {
         let row = self.measurements.get(self.next).copied();
         self.next += 1;
         if let Some(Some(measurement)) = row {
-            self.newest = Some(Incoming { measurement, valve: None });
+            self.newest = Some(Incoming::new(measurement, None));
         }
         self.newest
     }
 
-    fn write(&mut self, _sequence: u64, _command: &Command) {}
+    fn write(&mut self, _sequence: u64, _outgoing: &Outgoing) {}
 }
 
 /// Where the piston should have been, as logged.

@@ -1,6 +1,7 @@
 //! A machine in another process, over shared memory: no system call to read or write it.
 
-use crate::machine::{Incoming, Machine};
+use crate::machine::{Incoming, Machine, Outgoing};
+use crate::posix::effective_user;
 use crate::slot::Slot;
 use crate::trouble::Tampering;
 use hydroboom_control::command::{AxisCommand, Command};
@@ -9,6 +10,7 @@ use hydroboom_control::supervision::limits::ValveState;
 use memmap2::MmapMut;
 use std::fs::OpenOptions;
 use std::io;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
 /// Tells our memory from anything else.
@@ -27,6 +29,30 @@ struct Layout {
     tampering: Slot<3>,
 }
 
+/// Its permissions: its owner may read and write it, and nobody else anything.
+const MODE: u32 = 0o600;
+/// Bits of a file's mode that are permissions.
+const PERMISSIONS: u32 = 0o777;
+
+/// Refuses memory that another user made, or that others may read or write.
+fn check_owner(owner: u32, mode: u32) -> io::Result<()> {
+    let user = effective_user();
+    if owner != user {
+        let why = format!(
+            "it belongs to user {owner}, and this is user {user}: remove it, and start again"
+        );
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, why));
+    }
+    if mode & PERMISSIONS & !MODE != 0 {
+        let permissions = mode & PERMISSIONS;
+        let why = format!(
+            "others have access to it (mode {permissions:04o}): allowed is {MODE:04o}; remove it, and start again"
+        );
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, why));
+    }
+    Ok(())
+}
+
 /// Memory shared by the executive and a machine's process.
 pub struct Shared {
     map: MmapMut,
@@ -39,7 +65,9 @@ impl Shared {
     ///
     /// What the system says when the file cannot be made.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+        // for nobody but its owner: whoever writes to it moves the machine
+        let mut options = OpenOptions::new();
+        let file = options.read(true).write(true).create_new(true).mode(MODE).open(path)?;
         file.set_len(size_of::<Layout>() as u64)?;
         let shared = Self::map(&file)?;
         shared.layout().magic.publish([MAGIC]);
@@ -53,7 +81,9 @@ impl Shared {
     /// What the system says, or that it is not such a memory.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
-        if file.metadata()?.len() != size_of::<Layout>() as u64 {
+        let metadata = file.metadata()?;
+        check_owner(metadata.uid(), metadata.mode())?;
+        if metadata.len() != size_of::<Layout>() as u64 {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "not a machine's memory"));
         }
         let shared = Self::map(&file)?;
@@ -112,7 +142,7 @@ impl Shared {
 }
 
 /// The valve's state as a word: 0 where it is not read.
-fn valve_word(valve: Option<ValveState>) -> u64 {
+pub(crate) fn valve_word(valve: Option<ValveState>) -> u64 {
     match valve {
         None => 0,
         Some(ValveState::Shut) => 1,
@@ -121,7 +151,7 @@ fn valve_word(valve: Option<ValveState>) -> u64 {
 }
 
 /// Back again; a word that means nothing is no state.
-fn valve_state(word: u64) -> Option<ValveState> {
+pub(crate) fn valve_state(word: u64) -> Option<ValveState> {
     [ValveState::Shut, ValveState::Open].into_iter().find(|state| valve_word(Some(*state)) == word)
 }
 
@@ -135,7 +165,7 @@ fn validity_word(of: &AxisSignals<Validity>) -> u64 {
 }
 
 /// Back again; every word means something.
-fn validity_of(word: u64) -> AxisSignals<Validity> {
+pub(crate) fn validity_of(word: u64) -> AxisSignals<Validity> {
     let [a, b, c, d] = VALIDITIES;
     AxisSignals::from_array(core::array::from_fn(|k| match (word >> (2 * k)) & 3 {
         0 => a,
@@ -151,11 +181,11 @@ impl Machine for Shared {
         let signals = AxisSignals::from_array(values.map(f64::from_bits));
         let axis = AxisMeasurement { signals, validity: validity_of(validity) };
         let measurement = Measurement { number, time: f64::from_bits(time), axes: [axis] };
-        Some(Incoming { measurement, valve: valve_state(valve) })
+        Some(Incoming::new(measurement, valve_state(valve)))
     }
 
-    fn write(&mut self, sequence: u64, command: &Command) {
-        let [axis] = command.axes;
+    fn write(&mut self, sequence: u64, outgoing: &Outgoing) {
+        let [axis] = outgoing.command.axes;
         let [speed, valve] = axis.to_array().map(f64::to_bits);
         self.layout().command.publish([sequence, speed, valve]);
     }
@@ -164,6 +194,27 @@ impl Machine for Shared {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn memory_is_for_its_owner_alone() {
+        let path = std::env::temp_dir().join(format!("hydroboom-owner-{}", std::process::id()));
+        let _ = std::fs::remove_file(&path);
+        let made = Shared::create(&path).unwrap();
+        let mode = std::fs::metadata(&path).unwrap().mode();
+        assert_eq!(mode & PERMISSIONS, 0o600);
+        assert!(Shared::open(&path).is_ok());
+        for open_to_others in [0o640, 0o602, 0o660] {
+            let permissions = std::os::unix::fs::PermissionsExt::from_mode(open_to_others);
+            std::fs::set_permissions(&path, permissions).unwrap();
+            let refused = Shared::open(&path).err().map(|error| error.to_string());
+            assert!(refused.is_some_and(|why| why.contains("0600")), "{open_to_others:o}");
+        }
+        std::fs::remove_file(&path).unwrap();
+        drop(made);
+        let user = effective_user();
+        assert!(check_owner(user, 0o600).is_ok());
+        assert!(check_owner(user + 1, 0o600).is_err());
+    }
 
     #[test]
     fn validities_cross_to_the_other_process() {

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::command::{AxisCommand, Command};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Cause;
@@ -16,7 +16,7 @@ use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{Placement, RealTime, Tasks, run};
 use hydroboom_realtime::failure::Failure;
-use hydroboom_realtime::machine::{Incoming, Machine};
+use hydroboom_realtime::machine::{Incoming, Machine, Outgoing};
 use hydroboom_realtime::session::{Attendant, Ending, Lookout, Order};
 use hydroboom_realtime::simulation_task::SimulationTask;
 use hydroboom_virtual_crane::VirtualCrane;
@@ -79,13 +79,12 @@ impl Machine for Panicking {
         self.call(Call::Read);
         self.crane.advance(&self.command).unwrap();
         self.sequence += 1;
-        Some(Incoming {
-            measurement: Measurement { number: self.sequence, ..self.crane.measurement() },
-            valve: None,
-        })
+        let measurement = Measurement { number: self.sequence, ..self.crane.measurement() };
+        Some(Incoming::new(measurement, None))
     }
 
-    fn write(&mut self, sequence: u64, command: &Command) {
+    fn write(&mut self, sequence: u64, outgoing: &Outgoing) {
+        let command = &outgoing.command;
         self.call(Call::Write(sequence, command.axes[0]));
         assert!(!(self.has && matches!(self.panics, Panics::ForGood)), "no bus any more");
         self.command = command.axes[0];

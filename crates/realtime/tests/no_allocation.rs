@@ -3,7 +3,6 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
-use hydroboom_control::command::Command;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Request, State};
@@ -13,7 +12,7 @@ use hydroboom_model::Start;
 use hydroboom_realtime::control_task::{ControlTask, Period};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::failure::guarded;
-use hydroboom_realtime::machine::{Incoming, Machine};
+use hydroboom_realtime::machine::{Incoming, Machine, Outgoing};
 use hydroboom_realtime::shared::Shared;
 use hydroboom_realtime::simulation_task::SimulationTask;
 use hydroboom_realtime::slot::Slot;
@@ -57,7 +56,7 @@ fn allocate_nothing(strategy: Strategy) {
     let mut state = State::Idle;
     for k in 0..10_000_u64 {
         // the machine is another process
-        shared.show(&Incoming { measurement: machine.measurement(), valve: None });
+        shared.show(&Incoming::new(machine.measurement(), None));
         // as the executive guards its tasks
         assert_eq!(assert_no_alloc(|| guarded(|| k)), Ok(k));
         let record = assert_no_alloc(|| {
@@ -79,7 +78,7 @@ fn allocate_nothing(strategy: Strategy) {
                 clock_jumped: false,
                 deadlines: None,
             });
-            shared.write(k, &Command { axes: [record.decision.command] });
+            shared.write(k, &Outgoing::of(&record.decision));
             simulation.set_conditions(&control.conditions());
             for _ in 0..20 {
                 if let Some(speed) = control.simulated_motor() {

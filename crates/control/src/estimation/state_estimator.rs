@@ -1,6 +1,6 @@
 //! The machine's state when a command arrives: Kalman filter, identified drive lag, and prediction over the known delays.
 //!
-//! A measurement is so many cycles old, and a command arrives as many cycles later: the filter runs at the time of the measurement, and its state is predicted
+//! A measurement is some cycles old, and a command arrives some cycles later: the filter runs at the time of the measurement, and its state is predicted
 //! over both delays with the commands that are on their way (state prediction over the dead time; Z. Artstein, IEEE Trans. Automatic Control 27 (1982) 869).
 
 use super::drive_identification::{DriveIdentification, DriveLag};
@@ -27,8 +27,10 @@ pub struct StateEstimator<T> {
     pub slew: T,
     /// Share of that up to which the drive's lag is identified \[1\].
     pub free_slew: T,
-    /// Delay of a measurement, and of a command \[cycles\].
-    pub delay_cycles: usize,
+    /// Delay of a measurement \[cycles\].
+    pub measurement_delay_cycles: usize,
+    /// Delay of a command \[cycles\].
+    pub command_delay_cycles: usize,
 }
 
 record! {
@@ -118,8 +120,22 @@ impl<T: Real> StateEstimator<T> {
             drive_coefficient: f(self.drive_coefficient),
             slew: f(self.slew),
             free_slew: f(self.free_slew),
-            delay_cycles: self.delay_cycles,
+            measurement_delay_cycles: self.measurement_delay_cycles,
+            command_delay_cycles: self.command_delay_cycles,
         }
+    }
+
+    /// The same with other delays of a measurement and of a command \[cycles\].
+    #[must_use]
+    pub fn with_delays(mut self, measurement: usize, command: usize) -> Self {
+        (self.measurement_delay_cycles, self.command_delay_cycles) = (measurement, command);
+        self
+    }
+
+    /// From sampling to actuation \[cycles\].
+    pub fn total_delay(&self) -> usize {
+        self.measurement_delay_cycles.min(LARGEST_DELAY)
+            + self.command_delay_cycles.min(LARGEST_DELAY)
     }
 
     /// At rest beside a machine. `measured` has the motor speed as it is read.
@@ -160,7 +176,7 @@ impl<T: Real> StateEstimator<T> {
         let is_free = (speed - state.motor_speed).abs().lt(self.free_slew * self.slew);
         let is_informative =
             is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis) & !is_frozen;
-        let driven = state.commands[2 * self.delay_cycles.min(LARGEST_DELAY)];
+        let driven = state.commands[self.total_delay()];
         let period = self.filter.period;
         self.drive.update(
             &mut state.drive,
@@ -187,14 +203,14 @@ impl<T: Real> StateEstimator<T> {
     /// Motor speed \[rev/s\] that is to be read next, where it is not read.
     pub fn predicted_speed(&self, state: &StateEstimatorState<T>) -> T {
         // the command that drives the motor in the period that is to be measured, one newer than the last
-        let newer = (2 * self.delay_cycles.min(LARGEST_DELAY)).saturating_sub(1);
+        let newer = self.total_delay().saturating_sub(1);
         state.drive.next(state.motor_speed, state.commands[newer], self.slew)
     }
 
     /// The state when the command arrives that is sent now.
     pub fn predict(&self, state: &StateEstimatorState<T>) -> PredictedState<T> {
         let (mut z, mut speed) = (state.filter.estimate, state.motor_speed);
-        for cycle in (0..2 * self.delay_cycles.min(LARGEST_DELAY)).rev() {
+        for cycle in (0..self.total_delay()).rev() {
             let next = state.drive.next(speed, state.commands[cycle], self.slew);
             let mean = T::lit(0.5) * (speed + next);
             z = self.filter.model.step(&z, mean, state.rod_side_term, self.filter.period);
@@ -206,6 +222,6 @@ impl<T: Real> StateEstimator<T> {
 
     /// Time from now until a command arrives that is sent now \[s\].
     pub fn command_delay(&self) -> T {
-        self.filter.period * T::lit(self.delay_cycles as f64)
+        self.filter.period * T::lit(self.command_delay_cycles as f64)
     }
 }

@@ -56,8 +56,13 @@ impl ScheduledLqrController {
     /// The same with a fieldbus that delays measurements and commands by so many cycles each.
     #[must_use]
     pub fn with_delay(mut self, delay_cycles: u32) -> Self {
-        self.estimator.delay_cycles = delay_cycles as usize;
+        self.set_delays(delay_cycles as usize, delay_cycles as usize);
         self
+    }
+
+    /// From now on measurements and commands are late by so many cycles. To be called while the load is held, where no command is on its way.
+    pub fn set_delays(&mut self, measurement: usize, command: usize) {
+        self.estimator = self.estimator.with_delays(measurement, command);
     }
 
     /// The same with an estimator that begins with the parameters of an earlier run. After a divergence it begins without them.
@@ -201,7 +206,7 @@ fn is_finite(regulator: &Regulator<f64>) -> bool {
 
 impl Controller for ScheduledLqrController {
     fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
-        self.estimator.delay_cycles = delay_cycles as usize;
+        self.set_delays(delay_cycles as usize, delay_cycles as usize);
         (self.estimated, self.regulator, self.state, self.observed) = (None, None, None, None);
         self.observe(measurement, 0.0);
         // this is no control period: the regulator settles at once

@@ -163,6 +163,15 @@ causes! {
     /// The reference is not a number, outside the stroke, or jumps.
     ReferenceImplausible: Controlled, "reference-implausible",
         "the reference is not a number, outside the stroke, too fast, or jumps: look at the program that gives it";
+    /// The machine reports a fault of its own.
+    MachineFault: Immediate, "machine-fault",
+        "the machine reports a fault, whose code is in the log and on the screen: find out why, and reset it at the machine; then reset here";
+    /// The machine does not report that it is ready, or that its drives follow while they are to move the load.
+    MachineNotReady: Immediate, "machine-not-ready",
+        "the machine is not ready, or its drives went off: look at its state and its stop circuit";
+    /// Too many measurements were lost on their way.
+    MeasurementsLost: Controlled, "measurements-lost",
+        "too many measurements are lost on their way: look at what is counted as dropped, and at the load of this computer";
 }
 
 /// Number from which on a cause lets the load be brought to rest first.

@@ -85,6 +85,37 @@ pub enum ValveState {
     Open,
 }
 
+/// State that a machine reports of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MachineStatus {
+    /// Nothing is known of it.
+    Absent,
+    /// It starts.
+    Starting,
+    /// It measures, and its drives are without torque.
+    Ready,
+    /// Its drives follow commands.
+    Enabled,
+    /// A fault, which a person resets at the machine.
+    Fault {
+        /// The machine's code of it.
+        code: u16,
+    },
+}
+
+impl MachineStatus {
+    /// Name in logs and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Absent => "absent",
+            Self::Starting => "starting",
+            Self::Ready => "ready",
+            Self::Enabled => "enabled",
+            Self::Fault { .. } => "fault",
+        }
+    }
+}
+
 /// What the supervisor observes in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
@@ -94,11 +125,17 @@ pub struct Observation {
     pub reading: AxisSignals<f64>,
     /// State of the load-holding valve, as read; none where the machine cannot read it.
     pub valve: Option<ValveState>,
+    /// State that the machine reports; none where it reports none.
+    pub machine: Option<MachineStatus>,
     /// Age of the reading \[s\].
     pub age: f64,
     /// Readings that were made since the one seen last: one in good times, none where nothing came, more
     /// where some were missed.
     pub new_readings: u32,
+    /// Measurements that were sent since the one seen last and never arrived.
+    pub lost_readings: u32,
+    /// Whether commands do not reach the machine, or its attachment has stopped it for want of commands.
+    pub commands_lost: bool,
     /// Reference position \[m\]; the position of the start before the course begins.
     pub reference: f64,
     /// Largest tracking error under the strategy at work \[m\].

@@ -15,7 +15,7 @@ use super::deadline_monitor::DeadlineMonitor;
 use super::drive_monitor::DriveMonitorState;
 use super::fault::{Cause, Reaction};
 use super::flow_monitor::{FlowMonitorState, FlowReading};
-use super::limits::{Limits, Observation, ValveState};
+use super::limits::{Limits, MachineStatus, Observation, ValveState};
 use super::oscillation_detector::{OscillationDetector, OscillationState};
 use super::plausibility::{Plausibility, RUNAWAY};
 use super::release::{Refusal, ReleaseInput, ReleaseState, phase};
@@ -122,6 +122,12 @@ impl Decision {
     pub fn is_at_rest(&self) -> bool {
         self.command == HELD
     }
+
+    /// Whether the machine's drives are to follow: from Holding on, and until a stop has ended.
+    pub fn is_enabled(&self) -> bool {
+        let acts = matches!(self.state, State::Holding | State::Moving | State::Stopping);
+        acts || !self.is_at_rest()
+    }
 }
 
 /// Motor at zero, load held.
@@ -168,6 +174,8 @@ pub struct Supervisor {
     disagreeing: f64,
     plausibility: Plausibility,
     deadlines: DeadlineMonitor,
+    /// The same of measurements that were lost on their way.
+    losses: DeadlineMonitor,
     drive: DriveMonitorState<f64>,
     flow: FlowMonitorState,
     /// Time since the reading that the flow monitor took in last \[s\].
@@ -197,6 +205,7 @@ impl Supervisor {
             disagreeing: 0.0,
             plausibility: Plausibility::default(),
             deadlines: DeadlineMonitor::default(),
+            losses: DeadlineMonitor::default(),
             drive: DriveMonitorState::default(),
             flow: FlowMonitorState::default(),
             unread: 0.0,
@@ -353,8 +362,10 @@ impl Supervisor {
     fn holding(&mut self, seen: &Observation, request: Request, elapsed: f64) {
         self.switch(0.0);
         self.held_at.get_or_insert(seen.reading.stroke);
+        // a machine that reports nothing is taken at its measurements
+        let has_drives = seen.machine.is_none_or(|machine| machine == MachineStatus::Enabled);
         match request {
-            Request::Start if seen.attended && self.release.is_none() => {
+            Request::Start if seen.attended && self.release.is_none() && has_drives => {
                 self.release = Some(self.limits.release.begin());
                 self.held_at = Some(seen.reading.stroke);
             }
@@ -363,7 +374,7 @@ impl Supervisor {
         }
         let Some(before) = self.release else {
             self.ramp(0.0);
-            self.waiting_for(Waiting::Start);
+            self.waiting_for(if has_drives { Waiting::Start } else { Waiting::Drives });
             // nothing moves, nobody is there: that is no fault, but the drive goes off
             if !seen.attended && self.command == HELD {
                 self.enter(State::Ready);
@@ -588,8 +599,14 @@ impl Supervisor {
         }
         // first, because readings step over such an interval
         let is_active = self.is_active();
-        if is_active && elapsed > l.watchdog {
+        if is_active && (elapsed > l.watchdog || seen.commands_lost) {
             found(Cause::WatchdogExpired);
+        }
+        match seen.machine {
+            Some(MachineStatus::Fault { .. }) => found(Cause::MachineFault),
+            Some(MachineStatus::Absent | MachineStatus::Starting) => found(Cause::MachineNotReady),
+            Some(MachineStatus::Ready) if is_active => found(Cause::MachineNotReady),
+            Some(MachineStatus::Ready | MachineStatus::Enabled) | None => {}
         }
         // pressures that were shut in step when the valve opens or shuts
         let is_switching = self.valve_since < l.valve_time + l.stale;
@@ -599,6 +616,9 @@ impl Supervisor {
         self.plausibility.remember(seen, &l, SWING_MEMORY * l.still.1);
         if self.deadlines.executed(seen.missed) > l.missed {
             found(Cause::Overruns);
+        }
+        if seen.new_readings > 0 && self.losses.executed(seen.lost_readings) > l.missed {
+            found(Cause::MeasurementsLost);
         }
         if self.state != State::Fault && is_active && !seen.attended {
             found(Cause::OperatorLost);

@@ -16,6 +16,8 @@ pub enum Waiting {
     StillLoad,
     /// The drive is to be switched on.
     Hold,
+    /// The machine reports that its drives follow.
+    Drives,
     /// The operator starts a course.
     Start,
     /// The position is observed before the pump turns.
@@ -54,6 +56,7 @@ impl Waiting {
             Self::Operator => "an operator",
             Self::StillLoad => "the load to come to rest",
             Self::Hold => "the drive to be switched on",
+            Self::Drives => "the machine to report that its drives follow",
             Self::Start => "a start",
             Self::Observation => "the position to be steady",
             Self::Lift => "the pump to lift the load",

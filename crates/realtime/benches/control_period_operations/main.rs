@@ -38,7 +38,8 @@ fn counting_estimator(estimator: &StateEstimator<f64>) -> StateEstimator<Counted
         drive_coefficient: Counted(estimator.drive_coefficient),
         slew: Counted(estimator.slew),
         free_slew: Counted(estimator.free_slew),
-        delay_cycles: estimator.delay_cycles,
+        measurement_delay_cycles: estimator.measurement_delay_cycles,
+        command_delay_cycles: estimator.command_delay_cycles,
     }
 }
 
@@ -110,7 +111,7 @@ fn course(
 ) -> Vec<Period> {
     let motion = description.motion(speed);
     let (model, period) = (estimator.filter.model, law.period);
-    let delay = estimator.delay_cycles;
+    let delay = estimator.command_delay_cycles;
     let counting = (counting_estimator(estimator), counting_law(law), counting_motion(&motion));
 
     let mut z = at_rest(&model, motion.start, description.numbers.payload);

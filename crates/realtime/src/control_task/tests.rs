@@ -48,7 +48,7 @@ impl Rig {
         let measurement = Measurement { number: self.number, ..self.machine.measurement() };
         let record = self.control.period(&Period {
             elapsed: PERIOD,
-            incoming: Some(Incoming { measurement, valve: self.machine.valve() }),
+            incoming: Some(Incoming::new(measurement, self.machine.valve())),
             simulated: Some(self.simulation.simulated()),
             request: self.operator.request(),
             strategy: ASKED,

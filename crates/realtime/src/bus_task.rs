@@ -1,0 +1,256 @@
+//! The bus task: owns the socket of the local interface, and passes measurements and commands between the machine and the
+//! [control task's side](LocalMachine).
+//!
+//! It sends each new command once. Where none has come for [`SILENT`] periods control is lost, and it holds the load as
+//! `docs/explanation/hazards.md` has it for that: motor at zero, valve shut. From then on it passes no command that moves the load,
+//! until control has held the load itself: what was released is proven again first.
+
+use crate::endpoint::{Endpoint, Received};
+use crate::failure::{guarded, hand_panics_on};
+use crate::local_machine::{Exchange, LocalMachine};
+use crate::machine::{Link, Outgoing};
+use crate::posix::{now, pin_to, run_first, wait_for_input};
+use hydroboom_machine_interface::datagram::LONGEST;
+use hydroboom_machine_interface::session::Counters;
+use std::io::{self, ErrorKind};
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use thiserror::Error;
+
+/// Periods without a new command after which control is lost.
+pub const SILENT: u64 = 2;
+/// Looks at new commands in a period: a command waits for a tenth of one at most.
+const LOOKS: u64 = 10;
+/// Datagrams that are taken at once, at most: a flood does not keep commands from being sent.
+const AT_ONCE: usize = 64;
+/// Priority under SCHED_FIFO: between the simulation and the control task, whose core it shares.
+const PRIORITY: i32 = 75;
+
+/// Why there is no local interface.
+#[derive(Debug, Error)]
+pub enum BusError {
+    /// The port cannot be bound.
+    #[error("UDP port {port} of 127.0.0.1 cannot be opened ({error}): {}", advice(error))]
+    Port {
+        /// The port.
+        port: u16,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The system has no random numbers for the session.
+    #[error("no random number for the session: {0}")]
+    Random(getrandom::Error),
+}
+
+/// What to do about a port that cannot be opened.
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::AddrInUse => {
+            "another program has it, perhaps another `hydroboom run`; end that, or name another port"
+        }
+        ErrorKind::PermissionDenied => {
+            "ports below 1024 are for the system's administrator; name one from 1024 on"
+        }
+        _ => "name another port",
+    }
+}
+
+/// The bus task.
+#[derive(Debug)]
+pub struct BusTask {
+    socket: UdpSocket,
+    /// The controller's end of the interface.
+    pub endpoint: Endpoint,
+    exchange: Arc<Exchange>,
+    /// Control period \[ns\].
+    period: u64,
+    /// Number of the last command, and the command itself.
+    taken: u64,
+    last: Outgoing,
+    /// When that was, when something was sent, and when commands were looked for \[ns\].
+    taken_at: u64,
+    sent_at: u64,
+    looked_at: u64,
+    /// Whether it holds the load for want of commands.
+    holds: bool,
+}
+
+impl BusTask {
+    /// Opens a port, for a control period \[s\]; the task, and the side of the control task.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError`] when the port cannot be bound.
+    pub fn open(port: u16, period: f64) -> Result<(Self, LocalMachine), BusError> {
+        let opened = UdpSocket::bind((Ipv4Addr::LOCALHOST, port))
+            .and_then(|socket| socket.set_nonblocking(true).map(|()| socket));
+        let socket = opened.map_err(|error| BusError::Port { port, error })?;
+        let mut session = [0; 8];
+        getrandom::fill(&mut session).map_err(BusError::Random)?;
+        let exchange = Arc::new(Exchange::default());
+        let period = (period * 1e9).round() as u64;
+        let task = Self {
+            socket,
+            // a control period is at most a second
+            endpoint: Endpoint::new(u64::from_ne_bytes(session), period as u32),
+            exchange: Arc::clone(&exchange),
+            period,
+            taken: 0,
+            last: Outgoing::SAFE,
+            taken_at: 0,
+            sent_at: 0,
+            looked_at: 0,
+            holds: false,
+        };
+        Ok((task, LocalMachine::new(exchange)))
+    }
+
+    /// The port that was bound.
+    pub fn port(&self) -> u16 {
+        self.socket.local_addr().map_or(0, |address| address.port())
+    }
+
+    /// Sleeps until a datagram has come, for so long at most \[ns\].
+    pub fn wait(&self, nanoseconds: u64) {
+        wait_for_input(&self.socket, nanoseconds);
+    }
+
+    /// Takes the datagrams that have come, at a time \[ns\]; how many measurements were accepted.
+    pub fn receive(&mut self, clock: u64) -> usize {
+        // a longer datagram is seen to be one
+        let mut bytes = [0; LONGEST + 1];
+        let mut reply = [0; LONGEST];
+        let mut accepted = 0;
+        for _ in 0..AT_ONCE {
+            let Ok((length, from)) = self.socket.recv_from(&mut bytes) else { break };
+            match self.endpoint.receive(&bytes[..length], from, clock, &mut reply) {
+                Received::Nothing => {}
+                Received::Hello(length) => self.send(&reply[..length], from),
+                Received::Measurement(number, measurement) => {
+                    self.exchange.publish(number, &measurement, &self.endpoint.link());
+                    accepted += 1;
+                }
+            }
+        }
+        accepted
+    }
+
+    /// Sends what is to be sent at a time \[ns\]: a new command, once; or the safe command, once a period, where control is lost.
+    pub fn answer(&mut self, clock: u64) {
+        // who was late itself looks once more before it judges others
+        let is_punctual = clock.saturating_sub(self.looked_at) <= self.period;
+        self.looked_at = clock;
+        let newest = self.exchange.command().filter(|written| written.sequence != self.taken);
+        if let Some(written) = newest {
+            (self.taken, self.taken_at, self.last) = (written.sequence, clock, written.outgoing);
+            if self.holds && written.outgoing.is_safe() {
+                self.hold(false);
+            }
+            let outgoing = if self.holds { self.safe() } else { written.outgoing };
+            self.command(&outgoing, written.answers, clock);
+            return;
+        }
+        let since = |time: u64| clock.saturating_sub(time);
+        let is_silent = since(self.taken_at) > SILENT * self.period;
+        if is_silent && is_punctual && since(self.sent_at) >= self.period {
+            if !self.last.is_safe() {
+                self.hold(true);
+            }
+            self.command(&self.safe(), None, clock);
+        }
+    }
+
+    fn hold(&mut self, holds: bool) {
+        self.holds = holds;
+        self.exchange.holds.store(holds, Ordering::Release);
+    }
+
+    /// An immediate stop: a drive that was enabled keeps its power to brake.
+    fn safe(&self) -> Outgoing {
+        Outgoing { is_enabled: self.last.is_enabled, ..Outgoing::SAFE }
+    }
+
+    fn command(&mut self, outgoing: &Outgoing, answers: Option<u64>, clock: u64) {
+        let mut bytes = [0; LONGEST];
+        if let Some((length, to)) = self.endpoint.command(outgoing, answers, clock, &mut bytes) {
+            self.sent_at = clock;
+            self.send(&bytes[..length], to);
+        }
+    }
+
+    fn send(&self, bytes: &[u8], to: SocketAddr) {
+        // what does not arrive is missed by its sequence number
+        let _ = self.socket.send_to(bytes, to);
+    }
+
+    /// Goes on in a thread of its own on a core, until it is [ended](BusThread::end).
+    pub fn spawn(self, core: usize) -> BusThread {
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        hand_panics_on();
+        BusThread { stop, thread: thread::spawn(move || self.run(core, &stopped)) }
+    }
+
+    fn run(mut self, core: usize, stop: &AtomicBool) -> BusReport {
+        let mut remarks = Vec::new();
+        if let Err(error) = pin_to(core) {
+            remarks.push(format!("the bus task is not pinned to core {core} ({error})"));
+        }
+        if let Err(error) = run_first(PRIORITY) {
+            remarks.push(format!(
+                "the bus task has no real-time priority ({error}): others may come first"
+            ));
+        }
+        let cycle = guarded(|| {
+            while !stop.load(Ordering::Acquire) {
+                self.wait(self.period / LOOKS);
+                let clock = now();
+                self.receive(clock);
+                self.answer(clock);
+            }
+            self.command(&Outgoing::SAFE, None, now());
+        });
+        if let Err(why) = cycle {
+            remarks.push(format!("the bus task failed, and the machine's watchdog acted: {why}"));
+        }
+        BusReport::of(&self.endpoint, remarks)
+    }
+}
+
+/// What an attachment came to.
+#[derive(Clone, Debug)]
+pub struct BusReport {
+    /// What became of the machine's datagrams.
+    pub counters: Counters,
+    /// Datagrams of another address, or of another port than the machine's.
+    pub refused: u64,
+    /// What it told last.
+    pub link: Link,
+    /// What was not granted or failed.
+    pub remarks: Vec<String>,
+}
+
+impl BusReport {
+    /// Of the controller's end.
+    pub fn of(endpoint: &Endpoint, remarks: Vec<String>) -> Self {
+        let (counters, refused) = endpoint.counters();
+        Self { counters, refused, link: endpoint.link(), remarks }
+    }
+}
+
+/// A bus task in a thread of its own.
+#[derive(Debug)]
+pub struct BusThread {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<BusReport>,
+}
+
+impl BusThread {
+    /// Ends it with a safe command; none where it panicked beyond its task.
+    pub fn end(self) -> Option<BusReport> {
+        self.stop.store(true, Ordering::Release);
+        self.thread.join().ok()
+    }
+}

@@ -1,0 +1,152 @@
+//! A machine over the local interface in simulated time: one measurement, one command, and no clock but the number of periods.
+
+use crate::bus_task::BusTask;
+use crate::control_task::{ControlTask, Period, Record};
+use crate::desk::Desk;
+use crate::local_machine::LocalMachine;
+use crate::lockstep::Periods;
+use crate::machine::{Machine, Outgoing};
+use crate::operator::Operator;
+use crate::posix::now;
+use crate::session::Order;
+use crate::simulation_task::SimulationTask;
+use hydroboom_virtual_crane::Truth;
+use std::convert::Infallible;
+
+/// A machine that sends nothing for so long is silent \[ns of the computer's clock\]; simulated time then goes on without it.
+const SILENT: u64 = 2_000_000_000;
+/// For a machine that was silent it is waited so long in each period \[ns\].
+const STILL_SILENT: u64 = 1_000_000;
+
+/// The tasks beside a machine in another process.
+pub struct LocalLockstep {
+    control: ControlTask,
+    simulation: SimulationTask,
+    machine: LocalMachine,
+    /// The controller's end.
+    pub bus: BusTask,
+    /// Control period \[s\].
+    period: f64,
+    /// Steps of the simulation in it.
+    steps: u32,
+    /// Periods since the beginning.
+    periods: u64,
+    /// A machine that sends nothing for so long is silent \[ns of the computer's clock\].
+    time_out: u64,
+    /// Number of the newest measurement, and periods since it in which none came.
+    number: u64,
+    silent: u64,
+}
+
+impl LocalLockstep {
+    /// The tasks beside a machine, with periods of simulation and control \[s\].
+    pub fn new(
+        (control, simulation): (ControlTask, SimulationTask),
+        (bus, machine): (BusTask, LocalMachine),
+        periods: (f64, f64),
+    ) -> Self {
+        Self {
+            control,
+            simulation,
+            machine,
+            bus,
+            period: periods.1,
+            steps: (periods.1 / periods.0).round() as u32,
+            periods: 0,
+            time_out: SILENT,
+            number: 0,
+            silent: 0,
+        }
+    }
+
+    /// The same without waiting: for a machine in this thread, which has sent its measurement before, or does not send one.
+    #[must_use]
+    pub fn without_waiting(self) -> Self {
+        Self { time_out: 0, ..self }
+    }
+
+    /// A period in which the control task stands still, and the bus task does not.
+    pub fn stalled_period(&mut self) {
+        let clock = self.next_period();
+        self.wait(clock);
+        self.bus.answer(clock);
+    }
+
+    /// Time of the next period \[ns\].
+    fn next_period(&mut self) -> u64 {
+        self.periods += 1;
+        (self.periods as f64 * self.period * 1e9).round() as u64
+    }
+
+    /// One control period: a measurement, as soon as it is there, and the command that answers it.
+    pub fn period(&mut self, operator: &mut Operator, desk: &Desk) -> Record {
+        let clock = self.next_period();
+        self.wait(clock);
+        let incoming = self.machine.read();
+        let number = incoming.map_or(self.number, |incoming| incoming.measurement.number);
+        // of a measurement that was lost the machine's time has passed all the same
+        let passed = match number.saturating_sub(self.number) {
+            0 => 1,
+            more => more.saturating_sub(self.silent).max(1),
+        };
+        self.silent = if number == self.number { self.silent + 1 } else { 0 };
+        self.number = number;
+        let record = self.control.period(&Period {
+            elapsed: passed as f64 * self.period,
+            incoming,
+            simulated: Some(self.simulation.simulated()),
+            request: operator.request(),
+            strategy: desk.strategy(),
+            missed: 0,
+            attended: desk.is_attended(),
+            clock_jumped: false,
+            deadlines: None,
+        });
+        operator.see(&record.decision);
+        self.machine.write(self.periods, &Outgoing::of(&record.decision));
+        self.bus.answer(clock);
+        self.simulation.set_conditions(&self.control.conditions());
+        if let Some(speed) = self.control.simulated_motor() {
+            (0..self.steps).for_each(|_| self.simulation.step(speed));
+        }
+        record
+    }
+
+    /// Waits for a measurement.
+    fn wait(&mut self, clock: u64) {
+        let most = if self.silent > 0 { self.time_out.min(STILL_SILENT) } else { self.time_out };
+        let until = now() + most;
+        while self.bus.receive(clock) == 0 {
+            let left = until.saturating_sub(now());
+            if left == 0 {
+                return;
+            }
+            self.bus.wait(left);
+        }
+    }
+}
+
+impl Periods for LocalLockstep {
+    type Error = Infallible;
+
+    fn duration(&self) -> f64 {
+        self.period
+    }
+
+    fn take(&mut self, order: Order) {
+        match order {
+            Order::Course(course) => self.control.take(course),
+            Order::Synchronise(at) => self.simulation.synchronise(&at),
+            // nobody here can do anything to that machine
+            Order::Tamper(_) => {}
+        }
+    }
+
+    fn next(
+        &mut self,
+        operator: &mut Operator,
+        desk: &Desk,
+    ) -> Result<(Option<Truth>, Record), Infallible> {
+        Ok((None, self.period(operator, desk)))
+    }
+}
