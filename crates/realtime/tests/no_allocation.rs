@@ -8,7 +8,12 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Request, State};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
+use hydroboom_machine_interface::datagram::{
+    self, Body, Header, Hello, LONGEST, MOST_AXES, VERSION, decode, encode,
+};
+use hydroboom_machine_interface::session::Session;
 use hydroboom_model::Start;
+use hydroboom_realtime::bus_task::BusTask;
 use hydroboom_realtime::control_task::{ControlTask, Period};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::failure::guarded;
@@ -18,7 +23,9 @@ use hydroboom_realtime::simulation_task::SimulationTask;
 use hydroboom_realtime::slot::Slot;
 use hydroboom_realtime::timing::Timing;
 use hydroboom_virtual_crane::VirtualCrane;
+use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::Arc;
+use std::time::Duration;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -27,6 +34,51 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 fn simulation_control_and_exchange_allocate_nothing() {
     for strategy in [Strategy::SimulationFeedforwardClosedLoop, Strategy::ScheduledLqr] {
         allocate_nothing(strategy);
+    }
+}
+
+/// Both sides of the local interface, whatever comes.
+#[test]
+fn the_bus_task_and_its_exchange_allocate_nothing() {
+    let (mut bus, mut machine) = BusTask::open(0, 1e-3).unwrap();
+    let peer = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    peer.connect((Ipv4Addr::LOCALHOST, bus.port())).unwrap();
+    peer.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let send = |header: &Header, body: &Body| {
+        let mut bytes = [0; LONGEST];
+        let length = encode(header, body, &mut bytes);
+        peer.send(&bytes[..length]).unwrap();
+    };
+    let hello = Hello {
+        peer: datagram::Peer::SimulatedMachine,
+        period: 1_000_000,
+        newest_version: VERSION,
+        axes: 1,
+        ranges: [[[f64::NAN; 2]; 7]; MOST_AXES],
+    };
+    send(&Header::default(), &Body::Hello(hello));
+    bus.receive(0);
+    let mut bytes = [0; LONGEST];
+    let length = peer.recv(&mut bytes).unwrap();
+    let mut session = Session::new(decode(&bytes[..length]).unwrap().0.session);
+    for k in 1..=1000_u64 {
+        let clock = k * 1_000_000;
+        let body = datagram::Measurement { sampled: clock, count: 1, ..Default::default() };
+        send(&session.next_header(clock), &Body::Measurement(body));
+        peer.send(&bytes[..(k % 100) as usize]).unwrap();
+        assert_no_alloc(|| {
+            assert_eq!(bus.receive(clock), 1);
+            assert_eq!(machine.read().map(|incoming| incoming.measurement.number), Some(k));
+            // now and then control is lost
+            let is_lost = k.is_multiple_of(10);
+            if !is_lost {
+                machine.write(k, &Outgoing::SAFE);
+            }
+            let looks = if is_lost { 3 } else { 1 };
+            (0..looks).for_each(|look| bus.answer(clock + look * 1_000_000));
+        });
+        let length = peer.recv(&mut bytes).unwrap();
+        session.accept(&bytes[..length]).unwrap();
     }
 }
 
