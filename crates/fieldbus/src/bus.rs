@@ -26,7 +26,7 @@ use ethercrab::{RegisterAddress, SubDeviceState};
 use hydroboom_control::command::Command;
 use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
 use hydroboom_control::supervision::limits::ValveState;
-use hydroboom_realtime::machine::Incoming;
+use hydroboom_realtime::machine::{Incoming, Outgoing};
 
 /// Periods without a new command after which the safe command is sent.
 const COMMAND_PERIODS: u32 = 2;
@@ -71,7 +71,7 @@ pub struct Bus<L> {
     machine: Option<FieldbusMachine>,
     number: u64,
     /// The last command, and for how many periods none has come; none before the first at rest.
-    command: Option<(Command, u32)>,
+    command: Option<(Outgoing, u32)>,
     /// The first fault, and when it came \[ns\].
     fault: Option<(Fault, u64)>,
     lost: LossWindow,
@@ -356,21 +356,22 @@ impl<L: Link> Bus<L> {
             time: self.pace.system as f64 * 1e-9,
             axes: std::array::from_fn(axis),
         };
-        self.side.publish(&Incoming { measurement, valve });
+        self.side.publish(&Incoming::new(measurement, valve));
     }
 
     /// Takes the newest command. After a start and after a reset commands count from the first one that is at rest,
     /// so that nothing moves unexpectedly (ISO 14118).
     fn take_command(&mut self) {
-        if let Some(command) = self.side.take_command() {
-            let is_finite = command
+        if let Some(outgoing) = self.side.take_command() {
+            let is_finite = outgoing
+                .command
                 .axes
                 .iter()
                 .all(|axis| axis.motor_speed.is_finite() && axis.holding_valve.is_finite());
             if !is_finite {
                 self.stop(Fault::CommandsStopped);
-            } else if self.command.is_some() || command == Command::default() {
-                self.command = Some((command, 0));
+            } else if self.command.is_some() || outgoing.is_safe() {
+                self.command = Some((outgoing, 0));
             }
             return;
         }
@@ -405,9 +406,11 @@ impl<L: Link> Bus<L> {
         let braking =
             self.fault.map(|(_, since)| now().saturating_sub(since) < self.table.bus.brake);
         let (command, wanted) = match (self.command, braking) {
-            (Some((command, _)), None) => (command, Wanted::Operation),
+            (Some((outgoing, _)), None) if outgoing.is_enabled => {
+                (outgoing.command, Wanted::Operation)
+            }
             (_, Some(true)) => (Command::default(), Wanted::Braking),
-            (None, None) | (_, Some(false)) => (Command::default(), Wanted::Off),
+            (_, None | Some(false)) => (Command::default(), Wanted::Off),
         };
         for row in &self.table.commanded {
             let Some(axis) = command.axes.get(row.axis) else { continue };

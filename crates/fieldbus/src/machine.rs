@@ -4,7 +4,7 @@ use crate::fault::Fault;
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
 use hydroboom_control::supervision::limits::ValveState;
-use hydroboom_realtime::machine::{Incoming, Machine};
+use hydroboom_realtime::machine::{Incoming, Machine, Outgoing};
 use hydroboom_realtime::slot::Slot;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,8 +26,8 @@ const SIGNALS: usize = 7;
 const AXIS_WORDS: usize = SIGNALS + 1;
 /// Words of a measurement: number, time, valve, and those of the axes.
 const MEASUREMENT_WORDS: usize = 3 + AXES * AXIS_WORDS;
-/// Words of a command: sequence number, and two of each axis.
-const COMMAND_WORDS: usize = 1 + 2 * AXES;
+/// Words of a command: sequence number, whether drives are to follow, and two of each axis.
+const COMMAND_WORDS: usize = 2 + 2 * AXES;
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -94,13 +94,14 @@ impl Machine for FieldbusMachine {
             2 => Some(ValveState::Open),
             _ => None,
         };
-        Some(Incoming { measurement, valve })
+        Some(Incoming::new(measurement, valve))
     }
 
-    fn write(&mut self, sequence: u64, command: &Command) {
+    fn write(&mut self, sequence: u64, outgoing: &Outgoing) {
         let mut words = [0; COMMAND_WORDS];
         words[0] = sequence;
-        for (words, axis) in words[1..].chunks_exact_mut(2).zip(&command.axes) {
+        words[1] = u64::from(outgoing.is_enabled);
+        for (words, axis) in words[2..].chunks_exact_mut(2).zip(&outgoing.command.axes) {
             words[0] = axis.motor_speed.to_bits();
             words[1] = axis.holding_valve.to_bits();
         }
@@ -150,8 +151,8 @@ impl BusSide {
     }
 
     /// The newest command, if none was taken since it was sent.
-    pub(crate) fn take_command(&mut self) -> Option<Command> {
-        let (_, [sequence, axes @ ..]) = self.shared.command.read()?;
+    pub(crate) fn take_command(&mut self) -> Option<Outgoing> {
+        let (_, [sequence, is_enabled, axes @ ..]) = self.shared.command.read()?;
         if self.sequence.is_some_and(|last| sequence <= last) {
             return None;
         }
@@ -163,7 +164,7 @@ impl BusSide {
                 holding_valve: f64::from_bits(words[1]),
             };
         }
-        Some(command)
+        Some(Outgoing { command, is_enabled: is_enabled == 1 })
     }
 
     /// Whether a person asked for a reset since it was looked at last.
@@ -191,15 +192,15 @@ mod tests {
         measurement.axes[0].validity.pressure_b = Validity::OutOfRange;
         measurement.axes[0].validity.motor_speed = Validity::Absent;
         measurement.axes[0].validity.stroke = Validity::Stale;
-        let incoming = Incoming { measurement, valve: Some(ValveState::Open) };
+        let incoming = Incoming::new(measurement, Some(ValveState::Open));
         bus.publish(&incoming);
         assert_eq!(machine.read(), Some(incoming));
 
-        let command = Command::released([-33.25; AXES]);
-        machine.write(1, &command);
-        assert_eq!(bus.take_command(), Some(command));
+        let outgoing = Outgoing { command: Command::released([-33.25; AXES]), is_enabled: true };
+        machine.write(1, &outgoing);
+        assert_eq!(bus.take_command(), Some(outgoing));
         assert_eq!(bus.take_command(), None, "an old command is not taken again");
-        machine.write(1, &command);
+        machine.write(1, &outgoing);
         assert_eq!(bus.take_command(), None, "nor one with a number that was there");
     }
 

@@ -198,6 +198,7 @@ mod tests {
     use super::*;
     use crate::drive::Drive;
     use crate::prediction::STARTS;
+    use hydroboom_measurement::Signal;
     use hydroboom_model::Input;
 
     /// A log of four seconds in which p_A swings by 3 bar at a frequency \[Hz\] and p_B by 0.3 bar at another.

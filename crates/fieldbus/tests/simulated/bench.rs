@@ -2,7 +2,7 @@
 //! them, in this thread.
 
 use assert_no_alloc::permit_alloc;
-use hydroboom_control::command::AxisCommand;
+use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_device_simulator::Segment;
 use hydroboom_device_simulator::applications::{
     AnalogueInput, DigitalOutput, DriveSettings, Motor, ServoDrive, Signal, VelocityUnit, coupler,
@@ -14,6 +14,7 @@ use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::link::Link;
 use hydroboom_fieldbus::table::Table;
 use hydroboom_fieldbus::time::{now, simulate};
+use hydroboom_realtime::machine::Outgoing;
 use hydroboom_virtual_crane::VirtualCrane;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -34,6 +35,11 @@ pub fn table(change: impl FnOnce(&mut Table)) -> Table {
         Table::parse("ethercat-table.md", example()).expect("the page's table is right");
     change(&mut table);
     table
+}
+
+/// A command that drives are to follow.
+pub fn enabled(command: Command) -> Outgoing {
+    Outgoing { command, is_enabled: true }
 }
 
 /// What is behind the devices.

@@ -1,5 +1,6 @@
 //! The virtual crane behind the bus, against the same crane without one.
 
+use crate::bench::enabled;
 use crate::bench::{Behind, SimulatedLink, segment, table};
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_control::measurement::{AxisMeasurement, AxisSignals, Measurement};
@@ -84,7 +85,7 @@ fn over_the_bus(model: &Description) -> (Vec<f64>, Bus<SimulatedLink>) {
     while attached.state() != MachineState::Enabled {
         bus.measure();
         sequence += 1;
-        attached.write(sequence, &Command { axes: [HELD] });
+        attached.write(sequence, &enabled(Command { axes: [HELD] }));
         bus.act();
         assert!(sequence < 100, "{bus:?}");
     }
@@ -94,7 +95,7 @@ fn over_the_bus(model: &Description) -> (Vec<f64>, Bus<SimulatedLink>) {
         bus.measure();
         let record = executive.period(attached.read());
         sequence += 1;
-        attached.write(sequence, &Command { axes: [record.decision.command] });
+        attached.write(sequence, &enabled(Command { axes: [record.decision.command] }));
         // half way between two SYNC0, under what was taken over at the last one
         behind.borrow_mut().advance();
         bus.act();
@@ -122,7 +123,7 @@ fn directly(model: &Description, rounding: Option<&Table>) -> Vec<f64> {
         let number = positions.len() as u64 + 1;
         let axes = [AxisMeasurement::new(signals)];
         let measurement = Measurement { number, axes, time: crane.time() };
-        let record = executive.period(Some(Incoming { measurement, valve: None }));
+        let record = executive.period(Some(Incoming::new(measurement, None)));
         let mut command = record.decision.command;
         if let Some(table) = rounding {
             command.motor_speed = round(&table.commanded[0].scale, command.motor_speed);

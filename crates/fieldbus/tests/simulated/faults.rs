@@ -1,5 +1,6 @@
 //! Faults of the bus and of what is on it: their names, the periods until they are found, and that none resets itself.
 
+use crate::bench::enabled;
 use crate::bench::{Shared, SimulatedLink, bus, table};
 use hydroboom_control::command::Command;
 use hydroboom_control::measurement::Validity;
@@ -41,7 +42,7 @@ impl Running {
         self.bus.measure();
         if let Some(command) = command {
             self.sequence += 1;
-            self.machine.write(self.sequence, &command);
+            self.machine.write(self.sequence, &enabled(command));
         }
         self.bus.act();
     }

@@ -1,5 +1,6 @@
 //! Start-up and cyclic operation.
 
+use crate::bench::enabled;
 use crate::bench::{Shared, SimulatedLink, bus, segment, table};
 use assert_no_alloc::assert_no_alloc;
 use hydroboom_control::command::Command;
@@ -24,7 +25,7 @@ fn four_devices_go_to_op_and_exchange_with_the_right_working_counter_in_every_cy
         assert_eq!(bus.working_counter(), 6);
         for sequence in 1..=500 {
             bus.measure();
-            machine.write(sequence, &after_rest(sequence, 12.0));
+            machine.write(sequence, &enabled(after_rest(sequence, 12.0)));
             bus.act();
         }
         let counters = bus.counters();
@@ -54,7 +55,7 @@ fn a_command_acts_as_many_periods_after_its_measurement_as_the_table_says() {
             let speed = machine.read().unwrap().measurement.axes[0].signals.motor_speed;
             steps.push(speed);
             let commanded = if sequence >= 50 { 8.0 } else { 0.0 };
-            machine.write(sequence, &after_rest(sequence, commanded));
+            machine.write(sequence, &enabled(after_rest(sequence, commanded)));
             bus.act();
         }
         let at = steps.iter().position(|speed| *speed > 1.0).unwrap();
@@ -74,7 +75,7 @@ fn nothing_is_allocated_in_a_cycle_nor_on_the_side_of_control() {
         }
         assert_no_alloc(|| {
             bus.measure();
-            machine.write(sequence, &after_rest(sequence, 5.0));
+            machine.write(sequence, &enabled(after_rest(sequence, 5.0)));
             bus.act();
             machine.read().map(|incoming| incoming.measurement.number)
         });
@@ -124,7 +125,7 @@ fn a_drive_of_another_make_runs_too_increments_fixed_lists_with_gaps_and_sync1()
     let mut machine = bus.take_machine().unwrap();
     for sequence in 1..=500 {
         bus.measure();
-        machine.write(sequence, &after_rest(sequence, 3.5));
+        machine.write(sequence, &enabled(after_rest(sequence, 3.5)));
         bus.act();
     }
     let counters = bus.counters();

@@ -1,6 +1,7 @@
 //! Faults of the bus while the crane moves: how far the piston goes until the machine is safe, judged on the
 //! simulated machine.
 
+use crate::bench::enabled;
 use crate::bench::{Behind, Shared, SimulatedLink, segment, table};
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_description::Description;
@@ -62,7 +63,7 @@ impl Moving {
     fn command(&mut self, command: &Command) {
         self.bus.measure();
         self.sequence += 1;
-        self.machine.write(self.sequence, command);
+        self.machine.write(self.sequence, &enabled(*command));
         self.bus.act();
     }
 
@@ -70,7 +71,7 @@ impl Moving {
     fn period(&mut self) {
         self.bus.measure();
         self.sequence += 1;
-        self.machine.write(self.sequence, &Command::released([self.speed]));
+        self.machine.write(self.sequence, &enabled(Command::released([self.speed])));
         self.behind.borrow_mut().advance();
         self.bus.act();
     }

@@ -23,7 +23,6 @@ const CRANES: u64 = 16;
 
 /// A crane along a course, and a run under the scheduled LQR.
 struct Case {
-    model: Description,
     crane: Description,
     course: Box<dyn Course>,
     scheduled: Run,
@@ -90,7 +89,7 @@ impl Row {
         let [most, own] =
             [&benchmark, &scheduled].map(|run| run.metrics().effort().motor_speed_rpm / 60.0);
         let [benchmark, left] = [&benchmark, &scheduled].map(Left::from);
-        let case = Case { model: model.clone(), crane, course, scheduled };
+        let case = Case { crane, course, scheduled };
         let mut columns = floors(&case, most)?;
         columns.extend([(SCHEDULED, left), (BENCHMARK, benchmark)]);
         Ok(Self { columns, motor: own / most })
