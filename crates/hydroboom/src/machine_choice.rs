@@ -24,6 +24,8 @@ pub enum Source {
     CraneFile,
     /// A crane file of its own.
     MachineFile,
+    /// Another process, at this UDP port.
+    Attached(u16),
     /// The model itself, or the model with overrides; its equipment is ideal.
     Model,
 }
@@ -35,6 +37,7 @@ impl Source {
             Self::Embedded => "embedded",
             Self::CraneFile => "crane file",
             Self::MachineFile => "plant file",
+            Self::Attached(_) => "udp",
             Self::Model => "model",
         }
     }
@@ -140,6 +143,19 @@ impl MachineChoice {
         }
     }
 
+    /// A machine in another process, of which nothing is known: the model with typical equipment stands for it in what is said before a run.
+    pub fn attached(model: Description, port: u16) -> Self {
+        let (machine, _) = model.virtual_crane();
+        Self {
+            machine,
+            model,
+            source: Source::Attached(port),
+            filled_in: Vec::new(),
+            differences: Vec::new(),
+            arguments: Vec::new(),
+        }
+    }
+
     /// The same with another machine: one that overrides have changed.
     pub fn with_machine(self, machine: Description) -> Self {
         let differences = by_weight(self.model.differences(&machine));
@@ -161,6 +177,7 @@ impl MachineChoice {
     pub fn name(&self) -> String {
         match self.source {
             Source::CraneFile => format!("virtual crane of {}", self.model.name),
+            Source::Attached(port) => format!("machine at udp:{port}"),
             Source::Embedded | Source::MachineFile | Source::Model => self.machine.name.clone(),
         }
     }
@@ -180,6 +197,9 @@ impl MachineChoice {
 
     /// What is to be said where the machine is the model itself, equipment aside: none where it differs.
     pub fn equality(&self) -> Option<&'static str> {
+        if matches!(self.source, Source::Attached(_)) {
+            return None;
+        }
         if self.differences.is_empty() {
             return Some(
                 "the plant is equal to the model: errors of the model, which a real machine adds, are not in the tracking errors",

@@ -24,6 +24,7 @@ mod linearise;
 mod log;
 mod log_mapping;
 mod machine;
+mod machine_argument;
 mod machine_choice;
 mod motion;
 mod new;

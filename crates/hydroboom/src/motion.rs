@@ -170,7 +170,9 @@ impl MotionTests {
             let plant = match choice.source {
                 Source::Embedded => "virtual crane".to_string(),
                 Source::CraneFile => name.clone(),
-                Source::MachineFile | Source::Model => format!("plant \"{name}\""),
+                Source::MachineFile | Source::Attached(_) | Source::Model => {
+                    format!("plant \"{name}\"")
+                }
             };
             let unstable = loops.iter().filter(|of| !of.stable).map(ToString::to_string);
             let remarks: Vec<String> = choice

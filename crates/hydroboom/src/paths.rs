@@ -3,6 +3,7 @@
 //! An option has the type of its role, and so every command's paths are looked at before it begins: no
 //! output is an input, and no two outputs are one file.
 
+use crate::machine_argument::MachineArgument;
 use crate::output;
 use clap::ArgMatches;
 use hydroboom_files::{FileError, Identity, protect, try_place};
@@ -54,6 +55,11 @@ path_of_a_role!(
 pub fn check(arguments: &ArgMatches) -> Result<()> {
     for input in all::<InputFile>(arguments) {
         protect(&input);
+    }
+    for machine in all::<MachineArgument>(arguments) {
+        if let Some(file) = machine.file() {
+            protect(file);
+        }
     }
     for folder in all::<OutputFolder>(arguments) {
         if folder.exists() && !folder.is_dir() {

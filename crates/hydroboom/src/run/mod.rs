@@ -1,5 +1,6 @@
 //! `hydroboom run`
 
+mod attachment;
 mod page;
 mod process;
 mod replay;
@@ -8,6 +9,7 @@ mod watch;
 
 use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
+use crate::machine_argument::MachineArgument;
 use crate::machine_choice::MachineChoice;
 use crate::number;
 use crate::output;
@@ -17,7 +19,7 @@ use clap::Args;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_control::supervision::limits::Limits;
+use hydroboom_control::supervision::limits::{Limits, MachineStatus};
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
@@ -25,6 +27,7 @@ use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_design::stability::stability_of;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
+use hydroboom_realtime::bus_task::BusReport;
 use hydroboom_realtime::control_task::{ControlTask, Fallback};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
@@ -45,21 +48,26 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 
-/// Run the motion in real time on the virtual crane, which plays the machine in a process of its own.
+/// Run the motion in real time on a machine: the virtual crane in a process of its own, or whatever speaks the local interface.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
-    hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy scheduled-lqr\n\n\
+    hydroboom run --machine udp:8150\n  hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy scheduled-lqr\n\n\
     Ctrl-C stops under control, a second Ctrl-C holds the load at once.\n\
     The supervisor is no safety function in the sense of ISO 13849: at a real machine a hardware \
     emergency stop stays.")]
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, which plays the machine; when not given, that of the crane file (typical
-    /// drive, valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
-    #[arg(long = "plant", visible_alias = "machine", value_name = "FILE")]
-    machine: Option<InputFile>,
+    /// The machine: virtual[:FILE], the virtual crane of a crane file, or udp:PORT, another process
+    /// that speaks the local interface (docs/reference/machine-interface.md). A bare FILE is
+    /// virtual:FILE; when not given, it is the virtual crane of the crane file (typical drive, valve,
+    /// sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
+    #[arg(
+        long = "machine", visible_alias = "plant", value_name = "virtual[:FILE]|udp:PORT|FILE",
+        value_parser = MachineArgument::parser()
+    )]
+    machine: Option<MachineArgument>,
     /// How the motor's speed is found.
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
     strategy: Strategy,
@@ -137,7 +145,17 @@ impl Run {
         if let Some(log) = &self.replay {
             return replay::replay(&model, log, self.json);
         }
-        let cranes = Cranes::of(model, &self.crane, self.machine.as_deref())?;
+        let port = match self.machine {
+            Some(MachineArgument::Udp(port)) => Some(port),
+            Some(MachineArgument::Virtual(_)) | None => None,
+        };
+        let cranes = match port {
+            Some(port) => Cranes::attached(model, port),
+            None => {
+                let file = self.machine.as_ref().and_then(MachineArgument::file);
+                Cranes::of(model, &self.crane, file)?
+            }
+        };
         let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
         let strategy = self.strategy;
         let then = self.then.unwrap_or(strategy);
@@ -161,12 +179,37 @@ impl Run {
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
         let limits = self.limits(&cranes.model)?;
         let retained = self.retained(&cranes.model)?;
-        let is_needless = self.simulated_time || self.dashboard.is_some();
+        let is_needless = self.simulated_time || self.dashboard.is_some() || port.is_some();
         let alone = cranes.beforehand(&wanted, switch, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
+        let begin = (strategy, limits, retained);
+        let attached = match port {
+            Some(port) => {
+                if !wanted.hung.is_empty() {
+                    output::note(
+                        "the loads that the scenario hangs on are for somebody at the machine to hang on",
+                    );
+                }
+                attend(&desk)?;
+                // all is ready before a session begins: the machine is answered from then on
+                let tasks = cranes.control_and_simulation(begin)?;
+                let (mut bus, side) = attachment::open(port, &cranes.model)?;
+                if !attachment::wait_for_machine(&mut bus, &desk)? {
+                    return Ok(());
+                }
+                Some((tasks, attachment::Attached::begin(bus, self.simulated_time), side))
+            }
+            None => None,
+        };
         let mut watch = self.watch(&cranes, &desk, wanted, switch)?;
-        let real_time = match self.simulated_time {
-            true => {
+        let lookout = Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
+        let (real_time, bus) = match (attached, self.simulated_time) {
+            (Some((tasks, attached, side)), _) => {
+                let pace = if self.dashboard.is_some() { Pace::Clock } else { Pace::Free };
+                attached.run(&cranes.model, tasks, side, lookout, pace)?
+            }
+            (None, true) => {
+                let (strategy, limits, retained) = begin;
                 let pace = if self.dashboard.is_some() { Pace::Clock } else { Pace::Free };
                 if self.dashboard.is_some() {
                     attend(&desk)?;
@@ -176,15 +219,12 @@ impl Run {
                     Some(retained) => run.with_retained_parameters(retained),
                     None => run,
                 };
-                let lookout =
-                    Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
                 lockstep::run(run, &cranes.machine, lookout, pace).into_diagnostic()?;
-                None
+                (None, None)
             }
-            false => {
+            (None, false) => {
                 attend(&desk)?;
-                let begin = (strategy, limits, retained);
-                Some(self.in_real_time(&cranes, begin, &desk, &mut watch)?)
+                (Some(in_real_time(&cranes, begin, lookout)?), None)
             }
         };
         if let (Some(path), Some(lost)) = (&self.log, watch.close_log()) {
@@ -193,7 +233,8 @@ impl Run {
         // none of them is lost for another
         let recorded = self.record(&cranes.model, &watch);
         self.retain(&cranes.model, &watch);
-        let concluded = self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref());
+        let done = (real_time.as_ref(), bus.as_ref());
+        let concluded = self.conclude(&cranes, &watch, alone.as_ref(), done);
         recorded.and(concluded)
     }
 
@@ -313,7 +354,7 @@ impl Run {
             scenarios: scenarios(&cranes.machine).iter().map(|s| s.name.to_string()).collect(),
             speeds_mm_s: cranes.speeds_mm_s(),
             first: Choice { strategy: self.strategy, course: self.chosen_course(cranes) },
-            is_virtual: true,
+            is_virtual: !matches!(self.machine, Some(MachineArgument::Udp(_))),
             in_real_time: !self.simulated_time,
         };
         let dashboard = Dashboard::open(address, self.allow_remote, &setup, Arc::clone(desk))
@@ -333,54 +374,13 @@ impl Run {
         }
     }
 
-    fn in_real_time(
-        &self,
-        cranes: &Cranes,
-        (strategy, limits, retained): (Strategy, Limits, Option<RetainedParameters<f64>>),
-        desk: &Arc<Desk>,
-        watch: &mut Watch,
-    ) -> Result<RealTime> {
-        let memory = Memory::new()?;
-        let open = |result: std::io::Result<Shared>| {
-            result.into_diagnostic().wrap_err_with(|| memory.path.display().to_string())
-        };
-        let shared = open(Shared::create(&memory.path))?;
-        let tampering = open(Shared::open(&memory.path))?;
-        let mut host = Host::start(&memory.path, cranes.arguments())?;
-        let model = &cranes.model;
-        let n = &model.numbers;
-        let motion = cranes.machine.motion(n.fast);
-        let course = Course::new(Arc::new(motion));
-        let control = ControlTask::new(model, course, limits, strategy);
-        let control = match retained {
-            Some(retained) => control.with_retained_parameters(retained),
-            None => control,
-        };
-        let tasks = Tasks {
-            control,
-            simulation: SimulationTask::new(model, motion.start).into_diagnostic()?,
-            machine: Box::new(shared),
-            periods: (n.simulation_period, n.control_period),
-            placement: Placement::default(),
-        };
-        let lookout = Lookout { desk, attendant: watch, ending: Ending::OnceClosed };
-        let mut number = 0;
-        let real_time = executive::run(tasks, lookout, &mut |what| {
-            number += 1;
-            tampering.tamper(number, what);
-        })
-        .into_diagnostic()?;
-        host.end();
-        Ok(real_time)
-    }
-
     /// Says what came of it, and writes the report.
     fn conclude(
         &self,
         cranes: &Cranes,
         watch: &Watch,
         simulated: Option<&CourseResult>,
-        real_time: Option<&RealTime>,
+        (real_time, bus): (Option<&RealTime>, Option<&BusReport>),
     ) -> Result<()> {
         let results = &watch.results;
         let report = Report {
@@ -392,6 +392,7 @@ impl Run {
                 .filter(|_| self.crane.is_papers_crane().unwrap_or(false)),
             synchronised: watch.session().synchronised_in_all(),
             real_time,
+            bus,
         };
         if let Some(path) = &self.report {
             let page = page::run_page(
@@ -425,9 +426,14 @@ impl Run {
         if self.dashboard.is_some() || self.carry_on {
             return Ok(());
         }
+        let reported = fault.records.last().and_then(|record| record.status);
+        let reported = match reported {
+            Some(MachineStatus::Fault { code }) => format!(", the machine's code {code:#06x}"),
+            _ => String::new(),
+        };
         Err(miette!(
             help = fault.cause.advice(),
-            "the supervisor stopped it at {:.3} s: {}",
+            "the supervisor stopped it at {:.3} s: {}{reported}",
             fault.time,
             fault.cause.code()
         ))
@@ -446,7 +452,53 @@ impl Run {
 /// Longer courses are not run beforehand in simulated time \[s\].
 const LONGEST_BEFOREHAND: f64 = 120.0;
 
+/// With what a run begins: strategy, limits, and the estimator's parameters of an earlier one.
+type Begin = (Strategy, Limits, Option<RetainedParameters<f64>>);
+
+/// The virtual crane in a process of its own, in real time.
+fn in_real_time(cranes: &Cranes, begin: Begin, lookout: Lookout<'_>) -> Result<RealTime> {
+    let memory = Memory::new()?;
+    let open = |result: std::io::Result<Shared>| {
+        result.into_diagnostic().wrap_err_with(|| memory.path.display().to_string())
+    };
+    let shared = open(Shared::create(&memory.path))?;
+    let tampering = open(Shared::open(&memory.path))?;
+    let mut host = Host::start(&memory.path, cranes.arguments())?;
+    let (control, simulation) = cranes.control_and_simulation(begin)?;
+    let n = &cranes.model.numbers;
+    let tasks = Tasks {
+        control,
+        simulation,
+        machine: Box::new(shared),
+        periods: (n.simulation_period, n.control_period),
+        placement: Placement::default(),
+    };
+    let mut number = 0;
+    let real_time = executive::run(tasks, lookout, &mut |what| {
+        number += 1;
+        tampering.tamper(number, what);
+    })
+    .into_diagnostic()?;
+    host.end();
+    Ok(real_time)
+}
+
 impl Cranes {
+    /// The control task and the simulated crane beside it.
+    fn control_and_simulation(
+        &self,
+        (strategy, limits, retained): Begin,
+    ) -> Result<(ControlTask, SimulationTask)> {
+        let model = &self.model;
+        let motion = self.machine.motion(model.numbers.fast);
+        let control = ControlTask::new(model, Course::new(Arc::new(motion)), limits, strategy);
+        let control = match retained {
+            Some(retained) => control.with_retained_parameters(retained),
+            None => control,
+        };
+        Ok((control, SimulationTask::new(model, motion.start).into_diagnostic()?))
+    }
+
     /// The course at a speed \[mm/s\] or of a scenario.
     fn course(&self, speed_mm_s: Option<f64>, scenario: Option<&str>) -> Result<Wanted> {
         let speed = speed_mm_s.map_or(self.model.numbers.fast, |mm_s| mm_s * 1e-3);

@@ -2,7 +2,7 @@
 
 use super::report::{SENSORS_ONLY, known};
 use super::watch::CourseResult;
-use crate::machine_choice::MachineChoice;
+use crate::machine_choice::{MachineChoice, Source};
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
@@ -31,9 +31,13 @@ pub fn run_page(
 ) -> Result<Page, LabError> {
     let body = html! {
         p.soft {
-            "The machine is \"" (cranes.name()) "\", simulated, which stands in for a real one: nothing here is a "
-            "measurement of a real crane, but for the paper's numbers and the times of the tasks, which were taken on "
-            "this computer."
+            @if matches!(cranes.source, Source::Attached(_)) {
+                "The machine is \"" (cranes.name()) "\", another process: what is measured is what it sent."
+            } @else {
+                "The machine is \"" (cranes.name()) "\", simulated, which stands in for a real one: nothing here is a "
+                "measurement of a real crane, but for the paper's numbers and the times of the tasks, which were taken on "
+                "this computer."
+            }
             @if let Some(equality) = cranes.equality() { " " strong { (equality) } "." }
         }
         (results(list, paper))

@@ -1,10 +1,12 @@
 //! What a run came to, in text and JSON.
 
+use super::attachment;
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
+use hydroboom_realtime::bus_task::BusReport;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use serde_json::{Value, json};
@@ -23,6 +25,8 @@ pub struct Report<'a> {
     pub synchronised: u32,
     /// What the deadlines came to.
     pub real_time: Option<&'a RealTime>,
+    /// What the attachment of a machine in another process came to.
+    pub bus: Option<&'a BusReport>,
 }
 
 /// How a course ended.
@@ -70,7 +74,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "plant": self.cranes.json(),
+            "plant": self.cranes.json(), "attachment": self.bus.map(attachment::json),
         })
     }
 
@@ -119,8 +123,11 @@ impl Report<'_> {
             self.cranes.name(),
             output::table(&header, &rows)
         );
-        if self.real_time.is_some() {
+        if self.real_time.is_some() || self.bus.is_some() {
             said += &format!("\n{SENSORS_ONLY}");
+        }
+        if let Some(bus) = self.bus {
+            said += &format!("\n{}", attachment::text(bus));
         }
         if let Some(equality) = self.cranes.equality() {
             said += &format!("\n{equality}");

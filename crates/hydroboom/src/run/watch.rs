@@ -4,6 +4,7 @@ use crate::origin::origin;
 use crate::output;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::limits::MachineStatus;
 use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
@@ -122,6 +123,8 @@ pub struct Watch {
     lost_log: Option<LogError>,
     speaks: bool,
     state: Option<State>,
+    /// State that the machine reported last.
+    status: Option<MachineStatus>,
     /// What it was said last that the machine waits for.
     waiting: Option<Waiting>,
     /// Whether the loop was in sustained oscillation in the period before.
@@ -178,6 +181,7 @@ impl Watch {
             lost_log: None,
             speaks: false,
             state: None,
+            status: None,
             waiting: None,
             oscillates: false,
             running: None,
@@ -262,6 +266,7 @@ impl Attendant for Watch {
         if let Some(switch) = &self.switch {
             self.desk.choose(switch.at_time(record.course_time));
         }
+        self.say_status(record);
         self.say_waiting(&record.decision);
         self.say_oscillation(record.decision.oscillation);
         if record.decision.releasing && self.running.is_none() {
@@ -383,6 +388,22 @@ impl Watch {
         if let Some((dashboard, _)) = &mut self.dashboard {
             dashboard.say(text);
         }
+    }
+
+    /// Says what the machine reports of itself, when that changes.
+    fn say_status(&mut self, record: &Record) {
+        if record.status == self.status {
+            return;
+        }
+        self.status = record.status;
+        let Some(status) = record.status.filter(|_| self.speaks) else { return };
+        let fault = match status {
+            MachineStatus::Fault { code } => {
+                format!(" of code {code:#06x}: it is reset at the machine, by a person")
+            }
+            _ => String::new(),
+        };
+        self.say(&format!("{:8.3} s  the machine reports: {}{fault}", record.time, status.name()));
     }
 
     /// Says what the machine waits for once it has waited for a while; a held load may wait for a start.

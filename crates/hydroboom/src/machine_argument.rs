@@ -1,0 +1,74 @@
+//! Which machine `run` is to move, as it is named on the command line.
+
+use crate::paths::InputFile;
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use std::ffi::OsString;
+use std::path::Path;
+
+/// Which machine is to be moved.
+#[derive(Clone, Debug)]
+pub enum MachineArgument {
+    /// A virtual crane in a process of its own: of the crane file, or of a file.
+    Virtual(Option<InputFile>),
+    /// A machine in another process, over the local interface at this UDP port.
+    Udp(u16),
+}
+
+impl MachineArgument {
+    /// Reads it from the command line: `virtual`, `virtual:FILE`, `udp:PORT`, or a file.
+    pub fn parser() -> impl TypedValueParser<Value = Self> {
+        OsStringValueParser::new().try_map(Self::parse)
+    }
+
+    fn parse(given: OsString) -> Result<Self, String> {
+        let Some(text) = given.to_str() else { return Ok(Self::Virtual(Some(given.into()))) };
+        match text.split_once(':') {
+            None if text == "virtual" => Ok(Self::Virtual(None)),
+            Some(("virtual", "")) => {
+                Err("no file after virtual: - it is virtual, or virtual:FILE".into())
+            }
+            Some(("virtual", file)) => Ok(Self::Virtual(Some(OsString::from(file).into()))),
+            Some(("udp", port)) => match port.parse::<u16>() {
+                Ok(port) if port > 0 => Ok(Self::Udp(port)),
+                _ => Err(format!(
+                    "\"{port}\" is no UDP port: it is a number from 1 to 65535, as in udp:8150"
+                )),
+            },
+            Some(("ethercat", _)) => Err(
+                "a machine on EtherCAT cannot be attached yet; docs/reference/machine-interface.md says how one is over udp:PORT".into(),
+            ),
+            _ => Ok(Self::Virtual(Some(given.into()))),
+        }
+    }
+
+    /// The crane file of a virtual crane, where one is named.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::Virtual(file) => file.as_deref(),
+            Self::Udp(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_is_named_by_its_kind_or_its_file() {
+        let parse = |text: &str| MachineArgument::parse(text.into());
+        for (text, file) in [
+            ("virtual", None),
+            ("virtual:a.toml", Some("a.toml")),
+            ("a.toml", Some("a.toml")),
+            ("./udp:7", Some("./udp:7")),
+        ] {
+            assert_eq!(parse(text).unwrap().file(), file.map(Path::new), "{text}");
+        }
+        assert!(matches!(parse("udp:8150"), Ok(MachineArgument::Udp(8150))));
+        for wrong in ["udp:", "udp:0", "udp:65536", "udp:-1", "udp:x", "virtual:", "ethercat:eth0"]
+        {
+            assert!(parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

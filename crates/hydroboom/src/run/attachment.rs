@@ -1,0 +1,137 @@
+//! A machine in another process, over the local interface: waiting for it, and what is said of it.
+
+use crate::output;
+use hydroboom_description::Description;
+use hydroboom_realtime::bus_task::{BusReport, BusTask, BusThread};
+use hydroboom_realtime::control_task::ControlTask;
+use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
+use hydroboom_realtime::local_lockstep::LocalLockstep;
+use hydroboom_realtime::local_machine::LocalMachine;
+use hydroboom_realtime::lockstep::{self, Pace};
+use hydroboom_realtime::session::Lookout;
+use hydroboom_realtime::simulation_task::SimulationTask;
+use miette::{IntoDiagnostic, Result, miette};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Time between two looks at whether somebody has ended the wait \[ns\].
+const LOOK: u64 = 100_000_000;
+/// After so long it is said what is waited for.
+const SILENT: Duration = Duration::from_millis(300);
+
+/// Opens the port for a model's control period.
+pub fn open(port: u16, model: &Description) -> Result<(BusTask, LocalMachine)> {
+    BusTask::open(port, model.numbers.control_period).into_diagnostic()
+}
+
+/// Waits until a machine has begun a session, and says which; false where somebody ended the wait.
+pub fn wait_for_machine(bus: &mut BusTask, desk: &Desk) -> Result<bool> {
+    let (begun, port) = (Instant::now(), bus.port());
+    let mut is_said = false;
+    while !bus.endpoint.has_begun() {
+        bus.wait(LOOK);
+        // no clock of ours is in a simulated time, and none is needed before it begins
+        bus.receive(0);
+        if let Some(difference) = bus.endpoint.difference() {
+            return Err(miette!("no session: {difference}"));
+        }
+        if desk.is_closing() {
+            return Ok(false);
+        }
+        if !is_said && begun.elapsed() > SILENT {
+            is_said = true;
+            output::note(&format!(
+                "waiting for a machine at UDP port {port} of 127.0.0.1: start it (docs/reference/machine-interface.md has examples); Ctrl-C ends"
+            ));
+        }
+    }
+    if let Some((address, peer)) = bus.endpoint.machine() {
+        output::note(&format!("a {} at {address} has begun a session", peer.name()));
+    }
+    Ok(true)
+}
+
+/// A session that has begun.
+pub enum Attached {
+    /// In simulated time: both ends take turns.
+    InLockstep(Box<BusTask>),
+    /// In real time: a thread of its own answers the machine.
+    InRealTime(BusThread),
+}
+
+impl Attached {
+    /// With the controller's end.
+    pub fn begin(bus: BusTask, is_in_simulated_time: bool) -> Self {
+        match is_in_simulated_time {
+            true => Self::InLockstep(Box::new(bus)),
+            false => Self::InRealTime(bus.spawn(Placement::default().control_core)),
+        }
+    }
+
+    /// Runs until the session is over; deadlines, in real time, and what the attachment came to.
+    pub fn run(
+        self,
+        model: &Description,
+        (control, simulation): (ControlTask, SimulationTask),
+        side: LocalMachine,
+        lookout: Lookout<'_>,
+        pace: Pace,
+    ) -> Result<(Option<RealTime>, Option<BusReport>)> {
+        let n = &model.numbers;
+        let periods = (n.simulation_period, n.control_period);
+        match self {
+            Self::InLockstep(bus) => {
+                let mut run = LocalLockstep::new((control, simulation), (*bus, side), periods);
+                let Ok(_) = lockstep::attend(&mut run, lookout, pace);
+                Ok((None, Some(BusReport::of(&run.bus.endpoint, Vec::new()))))
+            }
+            Self::InRealTime(bus) => {
+                let machine = Box::new(side);
+                let placement = Placement::default();
+                let tasks = Tasks { control, simulation, machine, periods, placement };
+                let real_time = executive::run(tasks, lookout, &mut |_| ()).into_diagnostic()?;
+                Ok((Some(real_time), bus.end()))
+            }
+        }
+    }
+}
+
+/// For machines.
+pub fn json(report: &BusReport) -> Value {
+    let BusReport { counters, refused, link, remarks } = report;
+    json!({
+        "accepted": counters.accepted, "lost": counters.lost, "malformed": counters.malformed,
+        "check_sum": counters.check_sum, "not_finite": counters.not_finite, "session": counters.session,
+        "sequence": counters.sequence, "refused": refused,
+        "delay_cycles": link.delay.map(|delay| delay.total),
+        "measurement_delay_cycles": link.delay.map(|delay| delay.measurement),
+        "remarks": remarks,
+    })
+}
+
+/// For people.
+pub fn text(report: &BusReport) -> String {
+    let BusReport { counters, refused, link, remarks } = report;
+    let mut said = format!(
+        "Local interface: {} measurements accepted, {} lost",
+        counters.accepted, counters.lost
+    );
+    let dropped = [
+        ("malformed", counters.malformed),
+        ("with a wrong check sum", counters.check_sum),
+        ("not finite", counters.not_finite),
+        ("of another session", counters.session),
+        ("old or repeated", counters.sequence),
+        ("of another sender", *refused),
+    ];
+    for (why, count) in dropped.iter().filter(|(_, count)| *count > 0) {
+        said += &format!(", {count} dropped as {why}");
+    }
+    match link.delay {
+        Some(delay) => said += &format!("; from sampling to actuation {:.2} cycles", delay.total),
+        None => said += "; no command has acted",
+    }
+    remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
+    said
+}
