@@ -3,8 +3,8 @@
 //! What is minimised is `Σ ((log − model)/σ)² + Σ ((ln θ − ln θ_0)/s)²`: differences of all signals of all logs, each
 //! against what its sensor and the model's own shortcomings leave (σ), and each key against what is known of it (s, from its
 //! provenance). Where each log starts from is free too, within what sensors err by: a pump side that starts a tenth of
-//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew from what each
-//! round leaves until it stays (iteratively reweighted least squares: Holland and Welsch, Comm. Stat. A6, 1977, 813-827): what a round that ended early leaves would outweigh the logs.
+//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first
+//! round leaves.
 
 mod certainty;
 mod determination;
@@ -159,7 +159,7 @@ pub struct Fit {
     pub predictions: (Vec<Prediction>, Vec<Prediction>),
     /// How often the model was run.
     pub evaluations: usize,
-    /// Whether the search ended because nothing more was to be gained, and what differences are held against stayed.
+    /// Whether the search ended because nothing more was to be gained.
     pub has_converged: bool,
     /// Where the search ended, and what it was held against there.
     end: End,
@@ -315,25 +315,15 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             (at, least) = (found.at, sum);
         }
     }
-    // then with what the last round left as deviations, until that stays
-    let mut kept = vec![None; task.experiments.len()];
-    let mut after = layout.predictions(at.as_slice())?;
+    // the second with what the first left as deviations
+    let there = layout.predictions(at.as_slice())?;
+    let left = deviations(task.experiments, &there, Leaves::AsNow);
+    let sum = Samples::new(layout.experiments, &left);
+    let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
+    at = found.at;
+    let mut kept = found.sum.kept.into_inner();
+    let after = layout.predictions(at.as_slice())?;
     held_against = deviations(task.experiments, &after, Leaves::AsNow);
-    let mut has_converged = false;
-    for _ in 0..ROUNDS {
-        let mut sum = Samples::new(layout.experiments, &held_against);
-        sum.kept = kept.into();
-        let (found, is_least) = searched(Search::new(layout, sum, &known, at, &watch))?;
-        at = found.at;
-        kept = found.sum.kept.into_inner();
-        after = layout.predictions(at.as_slice())?;
-        let left = deviations(task.experiments, &after, Leaves::AsNow);
-        has_converged = is_least && apart(&held_against, &left) < SETTLED;
-        held_against = left;
-        if has_converged {
-            break;
-        }
-    }
     let held = Considered::of(task);
     let information =
         layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
@@ -365,21 +355,6 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         has_converged,
         end: End { at: at.as_slice().to_vec(), deviations: held_against, certainty },
     })
-}
-
-/// Rounds with deviations as the last one left them, at most.
-const ROUNDS: usize = 8;
-/// Deviations that change by no more than this share from round to round stay: the intervals that they make change by as little.
-const SETTLED: f64 = 0.02;
-
-/// The largest share by which deviations of logs differ.
-fn apart(a: &[Deviations], b: &[Deviations]) -> f64 {
-    let pairs = a.iter().flatten().zip(b.iter().flatten());
-    let shares = pairs.flat_map(|(a, b)| {
-        [(a.deviation, b.deviation), (a.corner, b.corner)].map(|(a, b)| (a / b - 1.0).abs())
-    });
-    // one that is no number stays no number
-    shares.fold(0.0, |most, share| if share <= most { most } else { share })
 }
 
 /// A search at its end, and whether nothing more was to be gained. It may not end early: a ringing log has flat valleys.

@@ -319,7 +319,7 @@ mod tests {
         let outcomes = run(&model, &[trial(&light), trial(&model)], &controllers, &|| ());
         let marked: Vec<bool> =
             outcomes.iter().map(|outcome| outcome.marked_name().ends_with(UNSTABLE_MARK)).collect();
-        assert_eq!(marked[0], true);
+        assert!(marked[0]);
         assert_eq!(marked[2..], [false, false], "{outcomes:?}");
         assert_eq!(
             (outcomes[0].has_stable_loops, outcomes[1].has_stable_loops),
