@@ -77,7 +77,7 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     let text = warned(&["check", "--set", "drive.max_torque_nm=9"]);
     assert!(text.contains("the motor does not lift the load: "), "{text}");
     // stable, with less margin than counts as tuned
-    let text = warned(&["check", "--set", "controller.proportional_per_s=7"]);
+    let text = warned(&["check", "--set", "controller.integral_per_s2=30"]);
     assert!(
         text.contains("benchmark: its gains leave too little margin with 307 kg: M_s = "),
         "{text}"
