@@ -143,6 +143,7 @@ fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
     let text = said(&["eigen", "--set", "payload.mass_kg=60"]);
     assert!(text.contains("At 400 mm friction ends the oscillation"), "{text}");
     assert!(text.contains("6.386"), "{text}");
+    assert!(text.contains("34.5 bar are shut in (oscillation.rod_side_bar)"), "{text}");
 }
 
 /// The virtual crane has ten segments and a base that turns: its last angle is no segment's.
@@ -206,6 +207,12 @@ fn designed_gains_are_written_with_where_they_come_from() {
     let new = parsed(&["design", "--benchmark", "--crane", made, "--json"]);
     assert_eq!(new["own"]["worst"]["stable"], true, "{new}");
     assert_eq!(new["own"]["gains"], new["design"]["gains"]);
+    let head = std::fs::read_to_string(made).unwrap();
+    assert!(head.starts_with("# provenance \"placeholder\": the number is that of "), "{head}");
+    // where `motion` takes others, `run` says that it does not
+    let run = ["run", "--simulated-time", "--crane", made, "--strategy", "benchmark-closed-loop"];
+    let warned = warned(&run);
+    assert!(warned.contains("not tuned for payloads of 307 to 307 kg (they are placeholders)"));
     // for all payloads; one that hangs in a comparison allows higher ones, and a rival has those
     let motion = ["motion", "--crane", made, "--json"];
     let of = |motion: &serde_json::Value| motion["benchmark_gains"]["proportional_per_s"].as_f64();
