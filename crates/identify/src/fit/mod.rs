@@ -363,7 +363,7 @@ fn searched<'a, 'w>(
 ) -> Result<(Search<'a, 'w, Samples<'a>>, bool), IdentifyError> {
     let watch = search.watch;
     watch.borrow_mut().begin();
-    let found = search.minimised(Ends { sum: 1e-7, place: 1e-5, patience: 6 });
+    let found = search.minimised(Ends { sum: 1e-6, place: 1e-5, patience: 6 });
     if watch.borrow().is_stopped() {
         return Err(IdentifyError::Stopped);
     }
