@@ -59,7 +59,7 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// The machine: virtual[:FILE], the virtual crane of a crane file, or udp:PORT, another process
+    /// The machine: virtual or virtual:FILE, the virtual crane (of that crane file), or udp:PORT, another process
     /// that speaks the local interface (docs/reference/machine-interface.md). A bare FILE is
     /// virtual:FILE; when not given, it is the virtual crane of the crane file (typical drive, valve,
     /// sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
