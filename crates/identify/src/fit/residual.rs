@@ -18,17 +18,8 @@ const ROBUST: f64 = 3.0;
 /// Slopes, each with the place of what it is along.
 pub(super) type Slopes = Vec<(usize, Prediction)>;
 
-/// What the differences of a log's signals are held against.
-pub(super) type Deviations = [Scale; COMPARED.len()];
-
-/// What the differences of a signal are held against.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Scale {
-    /// Deviation that they weigh by, in the signal's SI unit; of correlated samples it is larger.
-    pub(super) deviation: f64,
-    /// Huber's corner, in the signal's SI unit.
-    pub(super) corner: f64,
-}
+/// Deviations that the differences of a log's signals are held against.
+pub(super) type Deviations = [f64; COMPARED.len()];
 
 /// Log less model of a signal, with the sample.
 pub(super) fn residuals(
@@ -52,7 +43,7 @@ pub(super) enum Leaves {
 /// What the differences of each log are held against: what its sensors scatter, or what is left of a difference where that
 /// is more. Where that is what the search will leave, samples that are correlated count as so many fewer: with each as one of its own, what
 /// the model cannot show would outweigh all that is known of keys and channels (a likelihood adjusted in its magnitude: Pauli, Racugno and
-/// Ventura, Bayesian composite marginal likelihoods, Statistica Sinica 21, 2011, 149-164). Huber's corner goes along: one of the channel's own scale takes transients for outliers.
+/// Ventura, Bayesian composite marginal likelihoods, Statistica Sinica 21, 2011, 149-164).
 pub(super) fn deviations(
     experiments: &[Experiment],
     predictions: &[Prediction],
@@ -61,42 +52,16 @@ pub(super) fn deviations(
     let of = |(experiment, prediction): (&Experiment, &Prediction)| -> Deviations {
         std::array::from_fn(|signal| {
             let errors = residuals(experiment, prediction, signal);
+            let square = errors.iter().map(|e| e.1 * e.1).sum::<f64>();
+            let left = (square / errors.len().max(1) as f64).sqrt();
             let alike = match leaves {
                 Leaves::Unknown => 1.0,
                 Leaves::AsNow => correlation_time(&in_time(experiment, &errors)),
             };
-            let errors: Vec<f64> = errors.into_iter().map(|(_, e)| e).collect();
-            Scale::of(&errors, scatter(experiment, signal), alike)
+            scatter(experiment, signal).max(left) * alike.sqrt()
         })
     };
     experiments.iter().zip(predictions).map(of).collect()
-}
-
-impl Scale {
-    /// Of differences, what their sensor scatters, and how many samples tell as much as one that is independent.
-    fn of(errors: &[f64], scatter: f64, alike: f64) -> Self {
-        let square = errors.iter().map(|e| e * e).sum::<f64>();
-        let left = (square / errors.len().max(1) as f64).sqrt();
-        Self { deviation: scatter.max(left) * alike.sqrt(), corner: ROBUST * scatter.max(left) }
-    }
-
-    /// A difference in deviations, whose square is Huber's loss, and its slope by the difference.
-    pub(super) fn huber(self, e: f64) -> (f64, f64) {
-        let (e, corner) = (e / self.deviation, self.corner / self.deviation);
-        if e.abs() <= corner {
-            return (e, 1.0 / self.deviation);
-        }
-        let root = (2.0 * corner * e.abs() - corner * corner).sqrt();
-        (root.copysign(e), corner / (root * self.deviation))
-    }
-
-    /// Huber's score of a difference in deviations, half the slope of its loss, and the slope of that: what is far out draws no more than what is just not.
-    pub(super) fn score(self, e: f64) -> (f64, f64) {
-        match e.abs() <= self.corner {
-            true => (e / self.deviation, 1.0),
-            false => (self.corner.copysign(e) / self.deviation, 0.0),
-        }
-    }
 }
 
 /// What a signal's sensor scatters, and no less than what a difference is held against at least.
@@ -137,6 +102,23 @@ fn correlation_time(errors: &[Option<f64>]) -> f64 {
     (2.0 * sum - 1.0).max(1.0)
 }
 
+/// A difference whose square is Huber's loss, and its slope.
+pub(super) fn huber(e: f64) -> (f64, f64) {
+    if e.abs() <= ROBUST {
+        return (e, 1.0);
+    }
+    let root = (2.0 * ROBUST * e.abs() - ROBUST * ROBUST).sqrt();
+    (root.copysign(e), ROBUST / root)
+}
+
+/// Huber's score of a difference, half the slope of its loss, and the slope of that: what is far out draws no more than what is just not.
+pub(super) fn score(e: f64) -> (f64, f64) {
+    match e.abs() <= ROBUST {
+        true => (e, 1.0),
+        false => (ROBUST.copysign(e), 0.0),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,27 +137,5 @@ mod tests {
         let mut gap = whole.clone();
         gap[800..7200].fill(None);
         assert!((correlation_time(&gap) / alike - 1.0).abs() < 0.25, "{}", correlation_time(&gap));
-    }
-
-    /// One sample in twenty is twenty times as far out: it draws as little as the corner says.
-    #[test]
-    fn what_is_far_out_counts_less() {
-        let course = |k: usize| {
-            let x = (k as f64 * 12.9898).sin() * 43_758.547;
-            2.0 * (x - x.floor()) - 1.0
-        };
-        let mut errors: Vec<f64> = (0..2000).map(course).collect();
-        errors.iter_mut().step_by(20).for_each(|e| *e = 20.0);
-        let [scale, alike] = [1.0, 4.0].map(|alike| Scale::of(&errors, 0.0, alike));
-        assert!((alike.deviation / scale.deviation - 2.0).abs() < 1e-9);
-        let share = scale.score(20.0).0 / scale.score(0.5).0;
-        assert!((share - scale.corner / 0.5).abs() < 1e-9, "{share}");
-        // the slope of the term, and that of its square is twice the score
-        let (term, slope) = scale.huber(20.0);
-        let little = 1e-6;
-        let rise = scale.huber(20.0 + little).0 - scale.huber(20.0 - little).0;
-        assert!((slope - rise / (2.0 * little)).abs() < 1e-6 * slope, "{slope}");
-        let score = term * slope * scale.deviation;
-        assert!((score - scale.score(20.0).0).abs() < 1e-9 * score);
     }
 }

@@ -1,7 +1,7 @@
 //! Log and model, sample by sample.
 
 use super::layout::Layout;
-use super::residual::{Deviations, Slopes, residuals};
+use super::residual::{Deviations, Slopes, huber, residuals};
 use super::search::Sum;
 use crate::experiment::Experiment;
 use crate::prediction::Prediction;
@@ -31,9 +31,9 @@ impl Sum for Samples<'_> {
     fn terms(&self, predictions: &[Prediction]) -> Vec<f64> {
         let mut all = Vec::new();
         for ((experiment, deviation), prediction) in self.logs().zip(predictions) {
-            for (signal, scale) in deviation.iter().enumerate() {
+            for (signal, sigma) in deviation.iter().enumerate() {
                 let errors = residuals(experiment, prediction, signal);
-                all.extend(errors.iter().map(|(_, e)| scale.huber(*e).0));
+                all.extend(errors.iter().map(|(_, e)| huber(e / sigma).0));
             }
         }
         all
@@ -44,9 +44,10 @@ impl Sum for Samples<'_> {
         let all = layout.all_slopes(at, &logs, &mut self.kept.borrow_mut()).ok()?;
         let mut rows: Vec<(usize, usize, usize, f64)> = Vec::new();
         for (log, ((experiment, deviation), (prediction, _))) in self.logs().zip(&all).enumerate() {
-            for (signal, scale) in deviation.iter().enumerate() {
+            for (signal, sigma) in deviation.iter().enumerate() {
                 let errors = residuals(experiment, prediction, signal);
-                let row = |(sample, e): (usize, f64)| (log, sample, signal, -scale.huber(e).1);
+                let row =
+                    |(sample, e): (usize, f64)| (log, sample, signal, -huber(e / sigma).1 / sigma);
                 rows.extend(errors.into_iter().map(row));
             }
         }

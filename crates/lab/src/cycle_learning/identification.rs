@@ -116,19 +116,14 @@ pub(crate) fn identified(
     Ok(Identification { model: told_to_estimator(&machine), judged, improbable, remarks })
 }
 
-/// Whether the keys that the log determines are, taken together, farther from what was known of them than chance has it: their squares in standard deviations sum to a χ² of
-/// as many degrees of freedom.
-///
-/// An estimate is drawn towards what was known: it varies about that by the variance that was known less the variance that is left, and not by all of the first (Box, Sampling and
-/// Bayes' inference in scientific modelling and robustness, J. R. Stat. Soc. A 143, 1980, 383-430). The log determines a key where it says more of it than was known.
+/// Whether the keys of the crane, taken together, are farther from what was known of them than chance has it: their squares in standard deviations sum to a χ²
+/// of as many degrees of freedom.
 fn improbable(tuned: &[Tuned]) -> Option<String> {
-    let of_crane = tuned.iter().filter(|t| !t.key.is_of_drive() && t.from_logs < t.prior);
-    let mut far: Vec<(String, f64)> = of_crane
-        .filter_map(|t| {
-            let moves = t.prior * t.prior - t.deviation * t.deviation;
-            let distance = (t.value.1 / t.value.0).ln().abs() / moves.sqrt();
-            (moves > 0.0).then(|| (t.key.path(), distance))
-        })
+    let distance = |t: &Tuned| (t.value.1 / t.value.0).ln().abs() / t.prior;
+    let mut far: Vec<(String, f64)> = tuned
+        .iter()
+        .filter(|t| !t.key.is_of_drive())
+        .map(|t| (t.key.path(), distance(t)))
         .collect();
     let square: f64 = far.iter().map(|(_, d)| d * d).sum();
     let chance = 1.0 - ChiSquared::new(far.len() as f64).ok()?.cdf(square);
@@ -140,7 +135,7 @@ fn improbable(tuned: &[Tuned]) -> Option<String> {
         .collect();
     (chance < IMPROBABLE).then(|| {
         format!(
-            "the {} keys that the log determines are farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
+            "the {} keys are found farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
             far.len(),
             named.join(", ")
         )
@@ -212,36 +207,7 @@ mod tests {
     use crate::closed_loop::monte_carlo::member;
     use crate::closed_loop::scenario::CourseChoice;
     use hydroboom_control::command::AxisCommand;
-    use hydroboom_identify::Determination;
     use std::f64::consts::TAU;
-
-    /// Keys that were known to a third, found where another crane's are, or where chance has them.
-    fn keys(distances: &[(f64, f64)]) -> Vec<Tuned> {
-        let key = |(path, (distance, left)): (&&str, &(f64, f64))| Tuned {
-            key: Free::from_path(path).unwrap(),
-            value: (1.0, distance.exp()),
-            prior: 0.3,
-            deviation: *left,
-            from_logs: (left.powi(-2) - 0.3_f64.powi(-2)).max(1e-6).powf(-0.5),
-            others_exact: *left,
-            determination: Determination::Determined,
-            partner: None,
-        };
-        IDENTIFIED.iter().zip(distances).map(key).collect()
-    }
-
-    /// A log that tells half of a key draws its estimate halfway only: three such of a crane 3.6 standard deviations away are another crane's, as one that is told well is.
-    #[test]
-    fn estimates_that_are_drawn_towards_what_was_known_are_held_against_how_they_vary() {
-        let half = 0.5_f64.sqrt() * 0.29;
-        assert!(improbable(&keys(&[(0.3 * 3.6, 0.001)])).is_some());
-        assert!(improbable(&keys(&[(0.15 * 3.6, half); 3])).is_some());
-        // what the log tells nothing of adds no degree of freedom, and what is as near as chance has it is no other crane
-        let said = improbable(&keys(&[(0.3 * 3.6, 0.001), (0.0, 0.3), (0.0, 0.3), (0.0, 0.3)]));
-        assert!(said.unwrap().starts_with("the 1 keys"));
-        assert_eq!(improbable(&keys(&[(0.3, 0.001), (-0.2, half), (0.25, half)])), None);
-        assert_eq!(improbable(&keys(&[(0.0, 0.3)])), None);
-    }
 
     /// Dead time, bandwidth and damping of a virtual crane's drive, which turns in steps of a quarter of a millisecond, against the load and behind a fieldbus, are
     /// found from two seconds of commands that jump beyond the slew rate, as measurement noise makes them.
