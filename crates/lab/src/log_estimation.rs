@@ -237,8 +237,7 @@ pub fn estimate(
     let mut noisy = Vec::new();
     if is_consistent(&found) == Some(false) {
         // either a signal is late, or it is noisier than expected: what makes the log likelier
-        let late = delay(&estimator, &source).filter(|delay| delay.is_told);
-        let late = late.map_or(0.0, |delay| delay.gain);
+        let late = delay(&estimator, &source).map_or(0.0, |delay| delay.gain);
         let (noise, gain) = likeliest_noise(&estimator, &source);
         if gain > late {
             noisy = noise_findings(estimator.filter.measurement_noise, noise);
@@ -415,11 +414,6 @@ impl Run {
 }
 
 impl Source<'_> {
-    /// Median interval of the position (0) or of the pressure (1) \[s\].
-    pub(crate) fn interval(&self, k: usize) -> f64 {
-        interval_of([Some(self.position), self.pressure_a][k])
-    }
-
     /// Whether the load pressure was measured.
     pub(crate) fn has_pressure(&self) -> bool {
         self.pressure_a.and(self.pressure_b).is_some()
@@ -440,8 +434,6 @@ pub(crate) struct Run {
     pub(crate) windows: Vec<[(f64, u32, f64); 2]>,
     /// Times at which the mean NIS rose above its threshold \[s\].
     pub(crate) load_changes: Vec<f64>,
-    /// The same windows' parts of [`cost`](Self::cost).
-    pub(crate) window_costs: Vec<f64>,
     /// Minus twice the logarithm of the likelihood.
     pub(crate) cost: f64,
     pub(crate) counted: u64,
@@ -495,7 +487,6 @@ pub(crate) fn run(
         initial_deviation: [f64::NAN; ESTIMATES.len()],
         windows: Vec::new(),
         load_changes: Vec::new(),
-        window_costs: Vec::new(),
         cost: 0.0,
         counted: 0,
         diverged: false,
@@ -684,7 +675,6 @@ fn count(
     let window = since.max(0.0) as usize;
     while run.windows.len() <= window {
         run.windows.push([(0.0, 0, 0.0); 2]);
-        run.window_costs.push(0.0);
     }
     for (k, is_good) in is_good.into_iter().enumerate() {
         let (nu, nis) = (filter.innovation[k], filter.nis[k]);
@@ -696,9 +686,7 @@ fn count(
         *number += 1;
         *bias += nis.sqrt().copysign(nu);
         if is_scored[k] {
-            let cost = nis + (nu * nu / nis).ln();
-            run.window_costs[window] += cost;
-            run.cost += cost;
+            run.cost += nis + (nu * nu / nis).ln();
             run.counted += 1;
         }
     }

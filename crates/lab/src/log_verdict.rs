@@ -4,11 +4,7 @@
 //! log under the filter with position or load pressure shifted in time. An offset of the piston-side pressure shows against the pressure on the pump's side
 //! of the open load-holding valve, and against nothing else: payload takes it.
 //!
-//! A delay is claimed where the log is significantly likelier with it than without, and than with one of a single sample. The test is that of the mean difference of
-//! log likelihoods over windows of a second, whose scatter holds what the model does not explain.
-//!
-//! Sources: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4 (consistency), 5.5 (likelihood);
-//! F. Diebold, R. Mariano, Comparing predictive accuracy, J. Bus. Econ. Stat. 13, 1995, 253-263.
+//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4 (consistency), 5.5 (likelihood).
 
 use crate::log_estimation::{ALL, LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
@@ -31,9 +27,6 @@ const DELAYS: [f64; 5] = [0.01, 0.02, 0.04, 0.08, 0.15];
 /// Gain of twice the log likelihood per measured number from which a delay is said. It grows with the square of the delay: along the motion at 120 mm/s about 0.01
 /// for 20 ms.
 const LOG_LIKELIHOOD_GAIN: f64 = 0.01;
-/// The mean gain of likelihood is so many of its standard deviations and more where a delay is claimed: one in twenty logs without a delay exceeds it in any
-/// of the twenty delays that are tried (Bonferroni).
-const SIGNIFICANT: f64 = 2.81;
 /// Factors by which the measurement noise is varied, coarse to fine.
 const NOISE_FACTORS: [f64; 2] = [4.0, 1.5];
 /// Smallest step in the search for a delay \[s\].
@@ -111,16 +104,8 @@ pub(crate) fn verdict(
     let is_on_valve = description.choices.circuit == CircuitChoice::ValveControlled;
     let mut findings = missing(signals, source, is_on_valve);
     let stuck = stuck(signals, source, estimator);
-    let mut unobservable = unobservable(description, estimator, source, found);
-    let delay = if stuck.is_empty() { delay(estimator, source) } else { None };
-    match delay {
-        Some(delay) if delay.is_told => findings.push(delay.finding()),
-        Some(delay) => unobservable.push(format!(
-            "a delay of {}: with {:.0} ms the log is likelier than with none, but not by more than chance makes it",
-            delay.signal,
-            delay.late * 1e3
-        )),
-        None => {}
+    if stuck.is_empty() {
+        findings.extend(delay(estimator, source).map(|delay| delay.finding()));
     }
     findings.extend(offset(description, signals, source, estimator));
     findings.extend(out_of_range(description, found));
@@ -143,7 +128,7 @@ pub(crate) fn verdict(
         position,
         load_pressure,
         findings,
-        unobservable,
+        unobservable: unobservable(description, estimator, source, found),
         load_changes_s: found.load_changes.clone(),
     }
 }
@@ -169,8 +154,7 @@ impl Verdict {
                 "consistent only with more measurement noise than the crane file says: look at the signals that are off first{changes}"
             ),
             Some(true) if self.findings.iter().any(|finding| finding.kind == OFFSET) => format!(
-                "innovations are consistent, but p_A and p_PA contradict each other: if it is p_A that is off, payload and load pressure are outside their bounds by its \
-                 error; if it is p_PA, they are not{changes}"
+                "innovations are consistent, but a pressure transducer is off: payload and load pressure are outside their bounds by its error{changes}"
             ),
             Some(true) if self.findings.iter().any(|finding| finding.kind == RANGE) => format!(
                 "innovations are consistent, but the payload is outside the crane file's range: another crane, geometry or transducer{changes}"
@@ -324,8 +308,6 @@ pub(crate) struct Delay {
     signal: &'static str,
     /// How late it is \[s\].
     late: f64,
-    /// Whether the log tells it from none, and from one of a single sample.
-    pub(crate) is_told: bool,
 }
 
 /// The delay under which the log is likelier than without by more than [`LOG_LIKELIHOOD_GAIN`], and consistent: likelihoods of a model that does not hold say nothing.
@@ -365,30 +347,11 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
     }
     // at the end of the search another cause is likelier
     let is_inside = late.abs() < DELAYS[DELAYS.len() - 1];
-    let there = delayed(k, late);
-    let sample = source.interval(k).max(source.period).copysign(late);
-    let beside = [0.0, sample].map(|other| delayed(k, other));
-    let is_told = late.abs() > sample.abs()
-        && beside.iter().all(|b| is_likelier(&there.window_costs, &b.window_costs));
-    if !is_inside || is_consistent(&there) != Some(true) {
+    if !is_inside || is_consistent(&delayed(k, late)) != Some(true) {
         return None;
     }
     let signal = if k == 0 { Signal::Stroke.symbol() } else { "p_A, p_B" };
-    Some(Delay { gain: now - least, signal, late, is_told })
-}
-
-/// Whether a log is likelier along one run of the filter than along another, by more than their difference scatters from window to window, of which each has minus twice
-/// the logarithm of the likelihood.
-fn is_likelier(one: &[f64], other: &[f64]) -> bool {
-    let both = one.iter().zip(other);
-    // a window in which nothing was scored says nothing
-    let gains: Vec<f64> =
-        both.filter(|(a, b)| **a != 0.0 && **b != 0.0).map(|(a, b)| b - a).collect();
-    let count = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / count;
-    let square = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    // no number of fewer than two windows
-    mean > SIGNIFICANT * (square / count).sqrt()
+    Some(Delay { gain: now - least, signal, late })
 }
 
 impl Delay {
@@ -503,11 +466,11 @@ fn offset(
     let n = &description.virtual_crane().0.numbers;
     let allowed = 2.0 * n.pressure_error.max(TRANSDUCER) * n.pressure_span;
     (median.abs() > allowed).then(|| SignalFinding {
-        signal: "p_A, p_PA",
+        signal: Signal::PressureA.symbol(),
         kind: OFFSET,
         text: format!(
-            "p_A less p_PA is {:+.1} bar with the load-holding valve open and the boom at rest, where {:.1} bar are allowed: one of the two transducers is off. \
-             If it is p_A, the payload is wrong by {:+.0} kg; p_PA is not used",
+            "p_A is {:+.1} bar off p_PA with the load-holding valve open and the boom at rest, where {:.1} bar are allowed: one of the two transducers is off. If \
+             it is p_A, the payload is wrong by {:+.0} kg",
             median * 1e-5,
             allowed * 1e-5,
             median / pressure_per_kg(estimator, source)
@@ -580,22 +543,4 @@ fn unobservable(
         "Coulomb and viscous friction each: the filter estimates the friction force and takes the crane file's law for it, within its range".into(),
     );
     said
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A gain of one in each second, and the same gain in the mean that a single second makes.
-    #[test]
-    fn a_gain_counts_by_how_it_scatters() {
-        let other = [100.0; 20];
-        let steady: Vec<f64> = (0..20).map(|k| 99.0 + 0.5 * f64::from(k % 2)).collect();
-        assert!(is_likelier(&steady, &other) && !is_likelier(&other, &steady));
-        let mut once = other;
-        once[7] = 80.0;
-        assert!(!is_likelier(&once, &other));
-        // one second tells nothing, and what was not scored counts for none
-        assert!(!is_likelier(&[99.0], &[100.0]) && !is_likelier(&[0.0; 9], &[0.0; 9]));
-    }
 }
