@@ -1,11 +1,13 @@
-//! What a control period costs: `cargo bench -p hydroboom-realtime`.
+//! Execution time of a control period: `cargo bench -p hydroboom-realtime`.
 //!
-//! A cycle is run several times, alike to the bit, and each of its periods counts with the shortest time that it ever took: what a
-//! hypervisor or another program takes away falls on other periods each time, what the law itself needs does not. In one thread with the
-//! virtual crane, whose steps leave the caches colder than a core of its own has them.
+//! A cycle is run several times, bit-identical, and each of its periods counts with its shortest time.
+//! Interruptions by a hypervisor or another program hit other periods each time, so that the minimum is the
+//! time of the controller itself. Controller and virtual crane share one thread, which leaves the caches
+//! colder than a core of its own would.
 //!
-//! Below the strategies the parts of the scheduled LQR, each alone on what was measured in a cycle in which another payload is hung on at full speed: the law
-//! predicts alternatives then (rollout), which makes its longest periods.
+//! Below the strategies are the parts of the scheduled LQR, each alone with the measurements of a cycle
+//! with a payload change at full speed. The controller then predicts alternatives (rollout), which makes
+//! its longest periods.
 
 use hydroboom_control::controller::Controller;
 use hydroboom_control::estimation::tip::TipMemory;
@@ -23,10 +25,11 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// How often the cycle is run.
+/// Number of repetitions of the cycle.
 const TIMES: usize = 9;
 
-/// Takes the time from when a reading comes in to when the simulation's steps are due: the control task.
+/// Measures the time from the arrival of a measurement to the request for simulation steps: the control
+/// task.
 struct Stopwatch {
     started: Instant,
     took: Vec<f64>,
@@ -57,12 +60,13 @@ fn cycle(strategy: Strategy) -> Result<Vec<f64>, Box<dyn Error>> {
     Ok(watch.took)
 }
 
-/// When the payload changes, by the course's time \[s\]; for so long the rollout is looked for; and what the payload is of the first.
+/// Time of the payload change \[s of the course\], interval after it in which the rollout is expected
+/// \[s\], and new payload over the first.
 const LOAD_CHANGE: f64 = 4.0;
 const ROLLOUT: f64 = 0.5;
 const PAYLOAD: f64 = 0.7;
 
-/// A cycle under the scheduled LQR with a load change, the periods in which it controls.
+/// Records of a cycle under the scheduled LQR with a payload change, in the periods in which it controls.
 fn disturbed_cycle() -> Result<Vec<Record>, Box<dyn Error>> {
     let (model, machine) = (Description::uia_single_boom()?, Description::uia_virtual()?);
     let motion = machine.motion(model.numbers.fast);
@@ -125,7 +129,7 @@ fn parts(records: &[Record]) -> Result<[Vec<f64>; PARTS.len()], Box<dyn Error>> 
     Ok(took)
 }
 
-/// The least of every period.
+/// Minimum per period.
 fn keep_least(least: &mut [f64], took: impl IntoIterator<Item = f64>) {
     for (least, took) in least.iter_mut().zip(took) {
         *least = least.min(took);

@@ -1,9 +1,11 @@
-//! The bus task: owns the socket of the local interface, and passes measurements and commands between the machine and the
-//! [control task's side](LocalMachine).
+//! Bus task: owns the UDP socket of the local interface and passes measurements and commands between the
+//! machine and the [control task's side](LocalMachine).
 //!
-//! It sends each new command once. Where none has come for [`SILENT`] periods control is lost, and it holds the load as
-//! `docs/explanation/hazards.md` has it for that: motor at zero, valve shut. From then on it passes no command that moves the load,
-//! until control has held the load itself: what was released is proven again first.
+//! It sends each new command once. If none arrives for [`SILENT`] periods, the control task counts as lost.
+//! The bus task then holds the load as `docs/explanation/hazards.md` prescribes: motor speed zero, valve
+//! shut. From then on it forwards no command that moves the load until the control task has itself
+//! commanded the load to be held. A new release therefore starts with the proof of pressure and motion
+//! again.
 
 use crate::endpoint::{Endpoint, Received};
 use crate::failure::{guarded, hand_panics_on};
@@ -19,32 +21,32 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use thiserror::Error;
 
-/// Periods without a new command after which control is lost.
+/// Number of periods without a new command after which the control task counts as lost.
 pub const SILENT: u64 = 2;
-/// Looks at new commands in a period: a command waits for a tenth of one at most.
+/// Polls for a new command per period: a command waits at most a tenth of a period.
 const LOOKS: u64 = 10;
-/// Datagrams that are taken at once, at most: a flood does not keep commands from being sent.
+/// Largest number of datagrams taken in one call, so that a flood cannot delay the commands.
 const AT_ONCE: usize = 64;
-/// Priority under SCHED_FIFO: between the simulation and the control task, whose core it shares.
+/// SCHED_FIFO priority: between the simulation and the control task, whose core the bus task shares.
 const PRIORITY: i32 = 75;
 
-/// Why there is no local interface.
+/// Error on opening the local interface.
 #[derive(Debug, Error)]
 pub enum BusError {
-    /// The port cannot be bound.
+    /// The UDP port cannot be bound.
     #[error("UDP port {port} of 127.0.0.1 cannot be opened ({error}): {}", advice(error))]
     Port {
         /// The port.
         port: u16,
-        /// What the system says.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// The system has no random numbers for the session.
+    /// The operating system supplies no random number for the session.
     #[error("no random number for the session: {0}")]
     Random(getrandom::Error),
 }
 
-/// What to do about a port that cannot be opened.
+/// Advice for a port that cannot be opened.
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::AddrInUse => {
@@ -57,7 +59,7 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// The bus task.
+/// Bus task of the local interface.
 #[derive(Debug)]
 pub struct BusTask {
     socket: UdpSocket,
@@ -66,19 +68,20 @@ pub struct BusTask {
     exchange: Arc<Exchange>,
     /// Control period \[ns\].
     period: u64,
-    /// Number of the last command, and the command itself.
+    /// Sequence number of the newest command.
     taken: u64,
     last: Outgoing,
-    /// When that was, when something was sent, and when commands were looked for \[ns\].
+    /// Times of the newest command, of the newest datagram sent and of the newest poll for commands \[ns\].
     taken_at: u64,
     sent_at: u64,
     looked_at: u64,
-    /// Whether it holds the load for want of commands.
+    /// Whether the bus task holds the load because commands are missing.
     holds: bool,
 }
 
 impl BusTask {
-    /// Opens a port, for a control period \[s\]; the task, and the side of the control task.
+    /// Opens a UDP port of the loopback address. `period` is the control period \[s\]. Returns the bus task
+    /// and the control task's side.
     ///
     /// # Errors
     ///
@@ -93,7 +96,7 @@ impl BusTask {
         let period = (period * 1e9).round() as u64;
         let task = Self {
             socket,
-            // a control period is at most a second
+            // the control period is at most one second
             endpoint: Endpoint::new(u64::from_ne_bytes(session), period as u32),
             exchange: Arc::clone(&exchange),
             period,
@@ -107,19 +110,21 @@ impl BusTask {
         Ok((task, LocalMachine::new(exchange)))
     }
 
-    /// The port that was bound.
+    /// Number of the bound UDP port.
     pub fn port(&self) -> u16 {
         self.socket.local_addr().map_or(0, |address| address.port())
     }
 
-    /// Sleeps until a datagram has come, for so long at most \[ns\].
+    /// Sleeps until a datagram arrives, at most for `nanoseconds`.
     pub fn wait(&self, nanoseconds: u64) {
         wait_for_input(&self.socket, nanoseconds);
     }
 
-    /// Takes the datagrams that have come, at a time \[ns\]; how many measurements were accepted.
+    /// Receives the waiting datagrams; `clock` is the present time \[ns\]. Returns the number of accepted
+    /// measurements.
     pub fn receive(&mut self, clock: u64) -> usize {
-        // a longer datagram is seen to be one
+        // one byte more than the longest datagram, so that a longer one is recognised and not cut to a
+        // valid length
         let mut bytes = [0; LONGEST + 1];
         let mut reply = [0; LONGEST];
         let mut accepted = 0;
@@ -137,9 +142,10 @@ impl BusTask {
         accepted
     }
 
-    /// Sends what is to be sent at a time \[ns\]: a new command, once; or the safe command, once a period, where control is lost.
+    /// Sends what is due at time `clock` \[ns\]: a new command once, or the safe command once a period
+    /// while the control task is lost.
     pub fn answer(&mut self, clock: u64) {
-        // who was late itself looks once more before it judges others
+        // after a delay of the bus task itself the control task gets one more poll before it counts as lost
         let is_punctual = clock.saturating_sub(self.looked_at) <= self.period;
         self.looked_at = clock;
         let newest = self.exchange.command().filter(|written| written.sequence != self.taken);
@@ -167,7 +173,8 @@ impl BusTask {
         self.exchange.holds.store(holds, Ordering::Release);
     }
 
-    /// An immediate stop: a drive that was enabled keeps its power to brake.
+    /// Safe command: immediate stop. A drive that was enabled stays enabled, because it needs torque to
+    /// brake.
     fn safe(&self) -> Outgoing {
         Outgoing { is_enabled: self.last.is_enabled, ..Outgoing::SAFE }
     }
@@ -181,11 +188,11 @@ impl BusTask {
     }
 
     fn send(&self, bytes: &[u8], to: SocketAddr) {
-        // what does not arrive is missed by its sequence number
+        // the receiver detects a lost datagram by its sequence number
         let _ = self.socket.send_to(bytes, to);
     }
 
-    /// Goes on in a thread of its own on a core, until it is [ended](BusThread::end).
+    /// Runs the bus task in a thread on the given core until [`BusThread::end`].
     pub fn spawn(self, core: usize) -> BusThread {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
@@ -219,28 +226,28 @@ impl BusTask {
     }
 }
 
-/// What an attachment came to.
+/// Summary of an attachment, made when the bus task ends.
 #[derive(Clone, Debug)]
 pub struct BusReport {
-    /// What became of the machine's datagrams.
+    /// Counts of accepted, lost and dropped datagrams.
     pub counters: Counters,
-    /// Datagrams of another address, or of another port than the machine's.
+    /// Datagrams from another address or port than the machine's.
     pub refused: u64,
-    /// What it told last.
+    /// State of the link at the end.
     pub link: Link,
-    /// What was not granted or failed.
+    /// Real-time privileges that the system refused, and failures.
     pub remarks: Vec<String>,
 }
 
 impl BusReport {
-    /// Of the controller's end.
+    /// Summary of the controller's endpoint.
     pub fn of(endpoint: &Endpoint, remarks: Vec<String>) -> Self {
         let (counters, refused) = endpoint.counters();
         Self { counters, refused, link: endpoint.link(), remarks }
     }
 }
 
-/// A bus task in a thread of its own.
+/// Bus task in a thread of its own.
 #[derive(Debug)]
 pub struct BusThread {
     stop: Arc<AtomicBool>,
@@ -248,7 +255,7 @@ pub struct BusThread {
 }
 
 impl BusThread {
-    /// Ends it with a safe command; none where it panicked beyond its task.
+    /// Ends the bus task with a safe command. None if the thread panicked outside its guarded task.
     pub fn end(self) -> Option<BusReport> {
         self.stop.store(true, Ordering::Release);
         self.thread.join().ok()

@@ -1,15 +1,16 @@
-//! The cranes of the fault campaign: the paper's, and others with another load, lever and bore.
+//! Cranes of the fault-injection campaign: the paper's crane, and cranes with another payload, lever or
+//! bore.
 
 use hydroboom_description::{Description, DescriptionError};
 
-/// A crane of the campaign: the model that is controlled with, and the machine.
+/// A crane of the campaign: the controller's model and the simulated machine.
 #[derive(Clone, Debug)]
 pub struct CampaignCrane {
     /// Name in tables.
     pub name: &'static str,
-    /// The model.
+    /// Model used by the controller.
     pub model: Description,
-    /// The virtual crane that plays the machine.
+    /// Virtual crane that takes the place of the machine.
     pub machine: Description,
 }
 
@@ -20,11 +21,11 @@ const OTHERS: [(&str, &str); 3] = [
     ("another lever and bore", include_str!("../../../cranes/other-lever.toml")),
 ];
 
-/// All of them, the paper's crane first.
+/// All cranes of the campaign, the paper's crane first.
 ///
 /// # Errors
 ///
-/// [`DescriptionError`] when an override is wrong: none, as a test shows.
+/// [`DescriptionError`] if an override is invalid. A test proves that none is.
 pub fn campaign_cranes() -> Result<Vec<CampaignCrane>, DescriptionError> {
     let (model, machine) = (Description::uia_single_boom()?, Description::uia_virtual()?);
     let mut cranes =
@@ -37,7 +38,7 @@ pub fn campaign_cranes() -> Result<Vec<CampaignCrane>, DescriptionError> {
     Ok(cranes)
 }
 
-/// The crane with its switching valve at an end of its range of time: fastest or slowest.
+/// The crane with its load-holding valve at one end of its range of switching times: fastest or slowest.
 pub fn at_valve_end(crane: &CampaignCrane, slowest: bool) -> CampaignCrane {
     let mut changed = crane.clone();
     let ranges = crane.machine.ranges();

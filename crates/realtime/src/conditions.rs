@@ -1,8 +1,9 @@
-//! Conditions of the crane simulated beside the machine: payload and oil, as far as they are estimated.
+//! Operating conditions of the simulated crane: payload and transition pressure of the oil, as estimated.
 
 use hydroboom_description::schema::Numbers;
 
-/// Time constant with which a moving simulated crane changes to other conditions \[s\]: a step of its payload would set it swinging.
+/// Time constant with which a moving simulated crane changes its conditions \[s\]. A step of the payload
+/// would excite the boom.
 const CHANGE: f64 = 0.25;
 
 /// Payload and oil of the simulated crane.
@@ -15,17 +16,17 @@ pub struct Conditions {
 }
 
 impl Conditions {
-    /// As described.
+    /// Conditions of the crane file.
     pub fn described(numbers: &Numbers<f64>) -> Self {
         Self { payload: numbers.payload, transition_pressure: numbers.transition }
     }
 
-    /// The numbers of a description under these conditions.
+    /// Numbers of a description with its payload and transition pressure replaced by these conditions.
     pub fn numbers(&self, described: &Numbers<f64>) -> Numbers<f64> {
         Numbers { payload: self.payload, transition: self.transition_pressure, ..*described }
     }
 
-    /// On the way to others after a time \[s\].
+    /// Conditions after a time step `time` \[s\] of the first-order approach to `others`.
     #[must_use]
     pub fn towards(&self, others: &Self, time: f64) -> Self {
         let share = (time / CHANGE).min(1.0);
@@ -36,7 +37,7 @@ impl Conditions {
         }
     }
 
-    /// Whether others are worth a change of the simulated crane: a kilogram, a tenth of a bar.
+    /// Whether the difference justifies a change of the simulated crane: more than 1 kg or 0.1 bar.
     pub fn differ(&self, others: &Self) -> bool {
         (self.payload - others.payload).abs() > 1.0
             || (self.transition_pressure - others.transition_pressure).abs() > 1e4

@@ -1,4 +1,4 @@
-//! The control task: one control period from reading to command.
+//! Control task: one control period from measurement to command.
 
 use crate::conditions::Conditions;
 use crate::course::Course;
@@ -23,96 +23,99 @@ use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 use hydroboom_design::tip::tip_estimator;
 use std::cell::Cell;
 
-/// The simulation may be so far from the machine before the benchmark takes over, as a share of the
-/// largest tracking error: in closed loop, in open loop.
+/// Largest position difference between simulation and machine, as a share of the tracking limit. Beyond it
+/// the benchmark controller takes over. First under feedback, then in open loop.
 const DRIFT: f64 = 2.0 / 3.0;
 const OPEN_LOOP_DRIFT: f64 = 0.5;
-/// Time constant in which the limit comes down after feedback has taken over from open loop \[s\].
+/// Time constant with which the tracking limit decreases after a switch from open loop to feedback \[s\].
 const RECOVERY: f64 = 2.0;
-/// Steps that the simulation may be behind: more than it makes up for after a delay that the control
-/// task bears.
+/// Largest delay of the simulation \[steps\]. It is more than the simulation has to catch up after the
+/// longest delay that the control task tolerates.
 const BEHIND: f64 = 500.0;
-/// Travel over which the difference between the released piston and the course's beginning fades \[m\].
+/// Piston travel over which the start offset fades out \[m\]. The offset is the released piston's distance
+/// from the start of the course.
 const FADING: f64 = 0.01;
-/// A bump that a switch to open loop or to the scheduled LQR would make dies out with this time constant \[s\].
+/// Decay time constant of the offset that keeps the command continuous at a change of strategy \[s\].
 const BUMP: f64 = 0.3;
-/// A reading that is older than so many periods is stale.
+/// Age in control periods beyond which a measurement is stale.
 const FRESH: f64 = 5.5;
-/// Time constant of the mean over the payload's estimates while the load is held \[s\]: the boom swings on its locked cylinder.
+/// Time constant of the payload's mean while the load is held \[s\]. It smooths the boom's oscillation on
+/// its locked cylinder.
 const PAYLOAD_MEAN: f64 = 1.0;
-/// A simulation that was set to the machine's state is followed again after it was true for so
-/// long \[s\].
+/// Time for which a synchronised simulation must agree with the machine before its strategy is resumed
+/// \[s\].
 const TRUSTED: f64 = 0.5;
 
-/// What a control period needs to know.
+/// Inputs of one control period.
 #[derive(Clone, Copy, Debug)]
 pub struct Period {
     /// Time since the last executed period, by the machine's clock \[s\].
     pub elapsed: f64,
-    /// Newest reading, if any has come.
+    /// Newest data from the machine; none before the first.
     pub incoming: Option<Incoming>,
-    /// What the simulation shows; none while there is none.
+    /// State of the simulated crane; none if there is no simulation.
     pub simulated: Option<Simulated>,
-    /// What a person asks for.
+    /// Request of the operator.
     pub request: Request,
-    /// The strategy that is asked for.
+    /// Requested strategy.
     pub strategy: Strategy,
     /// Periods missed since the last executed one.
     pub missed: u32,
-    /// Whether somebody attends the machine.
+    /// Whether an operator is present.
     pub attended: bool,
-    /// Whether the clock went back, or far ahead.
+    /// Whether the clock jumped backwards or far ahead.
     pub clock_jumped: bool,
-    /// How the tasks were on time, for the record.
+    /// Timing of the real-time tasks, for the record.
     pub deadlines: Option<Deadlines>,
 }
 
-/// One control period, for the log.
+/// Record of one control period, for the log.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// Time since the executive began \[s\].
     pub time: f64,
-    /// Time since the course began \[s\], negative on the way to its beginning; none while the load is
-    /// not the controller's.
+    /// Time of the course \[s\], negative during the approach to its start; none while the supervisor does
+    /// not pass the controller's command on.
     pub course_time: Option<f64>,
     /// Largest speed of the course \[m/s\].
     pub course_speed: f64,
-    /// Where the piston should be.
+    /// Set point of the piston.
     pub reference: SetPoint<f64>,
-    /// What of it is the released piston's distance from the course's beginning, faded out \[m\].
+    /// Part of the set point that is the decaying start offset \[m\].
     pub start_offset: f64,
-    /// What was measured.
+    /// Newest measurement.
     pub measurement: Measurement,
-    /// State that the machine reports of itself, where it reports one.
+    /// State reported by the machine, if it reports one.
     pub status: Option<MachineStatus>,
-    /// What its attachment tells of itself, where it counts.
+    /// State of the machine's attachment, if it counts its datagrams.
     pub link: Option<Link>,
-    /// What the simulation showed.
+    /// State of the simulated crane.
     pub simulated: Option<Simulated>,
-    /// What was decided and sent.
+    /// Decision of the supervisor, with the command that was sent.
     pub decision: Decision,
-    /// The strategy at work.
+    /// Active strategy.
     pub strategy: Strategy,
-    /// Why the benchmark had to take over; none where the strategy that was asked for is at work.
+    /// Reason why the benchmark controller took over; none while the requested strategy is active.
     pub fallback: Option<Fallback>,
-    /// What the state estimator tells; none before the first measurement, and for a crane that has no such design.
+    /// Outputs of the state estimator; none before the first measurement and for a crane without a
+    /// scheduled LQR.
     pub estimates: Option<Estimates>,
-    /// Conditions of the crane simulated beside the machine.
+    /// Conditions of the simulated crane.
     pub conditions: Conditions,
-    /// How the tasks were on time; none in simulated time.
+    /// Timing of the real-time tasks; none in simulated time.
     pub deadlines: Option<Deadlines>,
 }
 
-/// Why the benchmark takes over from another strategy.
+/// Reason why the benchmark controller takes over from another strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fallback {
-    /// The simulation drifted away from the machine, is late, or failed.
+    /// The simulation differs too much from the machine, is delayed, or failed.
     Simulation,
-    /// The state estimator diverged, or yields no finite number.
+    /// The state estimator diverged, or an estimate is not finite.
     Estimator,
-    /// The strategy's command is no finite number.
+    /// The strategy's command is not finite.
     Command,
-    /// The crane has no such design.
+    /// There is no scheduled LQR for this crane.
     NoDesign,
 }
 
@@ -128,41 +131,42 @@ impl Fallback {
     }
 }
 
-/// Estimates of the machine and how well they are known, at the time of the measurement.
+/// Estimates of the machine's state with their standard deviations, at the time of the measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimates {
-    /// Estimates.
+    /// Estimated state and parameters.
     pub state: MachineState<f64>,
-    /// Their standard deviations.
+    /// Standard deviations of the estimates.
     pub deviation: MachineState<f64>,
-    /// Parameters that a later run may begin with.
+    /// Estimated parameters that a later run may start with.
     pub parameters: RetainedParameters<f64>,
     /// Innovations of position \[m\] and load pressure \[Pa\].
     pub innovation: [f64; 2],
-    /// Their standard deviations by the filter; not a number where an innovation is nought, as while the load is held.
+    /// Standard deviations of the innovations by the filter; NaN where an innovation is zero, as while the
+    /// load is held.
     pub innovation_deviation: [f64; 2],
-    /// Mean of the normalised innovations squared \[1\].
+    /// Mean of the normalised innovation squared \[1\].
     pub mean_nis: f64,
     /// Identified lag of the drive \[s\].
     pub drive_lag: f64,
-    /// Position of the tip; none for a crane whose tip is not estimated.
+    /// Estimated position of the tip; none for a crane whose tip is not estimated.
     pub tip: Option<TipEstimate<f64>>,
 }
 
-/// How the tasks were on time, seen from the control task.
+/// Timing of the real-time tasks, as the control task reads it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deadlines {
-    /// How late control was released \[ns\].
+    /// Release delay of the control task \[ns\].
     pub control_late: u64,
-    /// How long its last period took \[ns\].
+    /// Execution time of its last period \[ns\].
     pub control_execution: u64,
-    /// Releases of control that were missed since the beginning.
+    /// Missed releases of the control task since the start.
     pub control_missed: u64,
-    /// The latest of about a period's releases of the simulation \[ns\].
+    /// Largest release delay of the simulation over about one control period \[ns\].
     pub simulation_late: u64,
-    /// The longest of about a period's steps of the simulation \[ns\].
+    /// Longest execution time of a simulation step over about one control period \[ns\].
     pub simulation_execution: u64,
-    /// Releases of the simulation that were missed since the beginning.
+    /// Missed releases of the simulation since the start.
     pub simulation_missed: u64,
 }
 
@@ -172,7 +176,7 @@ impl Record {
         &self.measurement.axes[0].signals
     }
 
-    /// Tracking error x − x_ref \[m\] while the course runs, the way to its beginning left out.
+    /// Tracking error x − x_ref \[m\] during the course; none during the approach to its start.
     pub fn error(&self) -> Option<f64> {
         self.course_time
             .filter(|time| *time >= 0.0)
@@ -180,33 +184,33 @@ impl Record {
     }
 }
 
-/// The control task, called once a period; it allocates nothing.
+/// Control task, called once a period. It allocates no memory in the cycle.
 #[derive(Clone)]
 pub struct ControlTask {
     benchmark: Benchmark<f64>,
     /// Rod-side area over piston area.
     area_ratio: f64,
     course: Course,
-    /// The course around now, without [`start_offset`](Self::start_offset).
+    /// Set points ahead of the present time, without [`start_offset`](Self::start_offset).
     preview: Preview<f64>,
-    /// Time of the course at the preview's last set point \[s\].
+    /// Course time of the last set point in the preview \[s\].
     preview_end: f64,
     supervisor: Supervisor,
-    /// Largest tracking error that is allowed now, with feedback, and without \[m\].
+    /// Largest allowed tracking error now, under feedback, and in open loop \[m\].
     tracking: f64,
     closed_loop_tracking: f64,
     open_loop_tracking: f64,
-    /// Steps of the simulation that are due in a period.
+    /// Simulation steps due in a control period.
     steps_due: f64,
-    /// Steps it had taken when it was looked at last.
+    /// Step counter of the simulation at the last period.
     steps: u64,
-    /// Steps that it is behind.
+    /// Number of steps by which the simulation is delayed.
     behind: f64,
-    /// How often it had been set to a state when it was looked at last.
+    /// Synchronisation counter of the simulation at the last period.
     epoch: u64,
-    /// For how long it has been true since then \[s\].
+    /// Time for which the simulation has agreed with the machine since the fallback \[s\].
     trusted: f64,
-    /// How often it had been set to a state when it was followed last.
+    /// Synchronisation counter of the simulation when the fallback occurred.
     fallen_at: u64,
     time: f64,
     course_time: f64,
@@ -214,18 +218,18 @@ pub struct ControlTask {
     strategy: Strategy,
     fallback: Option<Fallback>,
     published: PublishedStrategy,
-    /// Estimator and scheduled LQR; none for a crane that has no such design.
+    /// State estimator and scheduled LQR; none for a crane without such a design.
     scheduled_lqr: Option<ScheduledLqrController>,
-    /// Estimator of the tip, and what it carries; none where the tip is not estimated.
+    /// Estimator of the tip position and its state; none for a crane whose tip is not estimated.
     tip: Option<TipEstimator<f64>>,
     tip_memory: TipMemory<f64>,
     /// Conditions of the simulated crane.
     conditions: Conditions,
     /// Speed of the simulated crane's motor \[rev/s\].
     simulated_motor: f64,
-    /// What is left of the difference between the released piston and the course's beginning \[m\].
+    /// Remaining start offset \[m\].
     start_offset: f64,
-    /// What is still left of a bump \[rev/s\].
+    /// Remaining offset of the command after a change of strategy \[rev/s\].
     offset: f64,
     wanted: f64,
     measurement: Measurement,
@@ -236,7 +240,7 @@ pub struct ControlTask {
 }
 
 impl ControlTask {
-    /// A control task that knows the model, for a course and within limits.
+    /// Control task for a model, a course, supervision limits and the first strategy.
     pub fn new(model: &Description, course: Course, limits: Limits, strategy: Strategy) -> Self {
         let n = &model.numbers;
         let benchmark = model.benchmark();
@@ -281,18 +285,18 @@ impl ControlTask {
         }
     }
 
-    /// Signals of the axis, as measured last.
+    /// Signals of the axis in the newest measurement.
     fn signals(&self) -> &AxisSignals<f64> {
         &self.measurement.axes[0].signals
     }
 
-    /// Conditions under which the crane beside the machine is to be simulated. Under the scheduled LQR payload and transition pressure are those
-    /// estimated while the load was held last; as described before that.
+    /// Conditions for the simulated crane. Under the scheduled LQR payload and transition pressure are
+    /// estimates, updated while the load is held. Before the first update they are those of the crane file.
     pub fn conditions(&self) -> Conditions {
         self.conditions
     }
 
-    /// Takes another course, if the load is not the controller's just now.
+    /// Replaces the course. Ignored while the controller moves the load.
     pub fn take(&mut self, course: Course) {
         if !self.decision.controls {
             self.supervisor.set_speed(course.speed());
@@ -300,7 +304,7 @@ impl ControlTask {
         }
     }
 
-    /// Supervised within other limits; before anything has been asked for.
+    /// The same with other supervision limits, before the first request.
     #[must_use]
     pub fn within(mut self, limits: Limits) -> Self {
         self.supervisor = Supervisor::new(limits);
@@ -312,7 +316,7 @@ impl ControlTask {
         self.supervisor.limits().watchdog
     }
 
-    /// Speed of the simulated crane's motor \[rev/s\] until the next period; none while it rests.
+    /// Motor speed of the simulated crane until the next period \[rev/s\]; none while the load is held.
     pub fn simulated_motor(&self) -> Option<f64> {
         self.decision.controls.then_some(self.simulated_motor)
     }
@@ -322,7 +326,7 @@ impl ControlTask {
         let period = self.benchmark.period;
         let before = self.measurement.number;
         let newest = now.incoming.filter(|incoming| incoming.measurement.number != before);
-        // a machine that was restarted counts anew
+        // after a restart the machine counts its measurements from one
         let new_readings = newest.map_or(0, |i| match i.measurement.number.checked_sub(before) {
             Some(more) => u32::try_from(more).unwrap_or(1),
             None => 1,
@@ -334,7 +338,7 @@ impl ControlTask {
             self.age = 0.0;
         }
         let lost_before = self.link.map_or(0, |link| link.lost);
-        // an attachment also tells what it did while no measurement came
+        // the attachment's state is updated in every period, also without a new measurement
         self.link = now.incoming.and_then(|incoming| incoming.link);
         let lost = self.link.map_or(0, |link| link.lost.saturating_sub(lost_before));
         let measured = BenchmarkInput::of(self.signals(), self.area_ratio);
@@ -345,7 +349,7 @@ impl ControlTask {
         let reference = match controls {
             true => {
                 let mut reference = self.preview.now();
-                // the course begins where the released piston is, and what that is off fades as it moves
+                // the course starts at the released piston; the start offset decays with the travel
                 let faded = reference.velocity.abs() * period / FADING;
                 self.start_offset *= 1.0 - faded.min(1.0);
                 reference.position += self.start_offset;
@@ -410,15 +414,16 @@ impl ControlTask {
         record
     }
 
-    /// The state estimator runs under every strategy, so that a hand-over finds it settled.
+    /// Updates the state estimator. It runs under every strategy, so that it has converged at a change of
+    /// strategy.
     fn estimate(&mut self) {
         let measurement = self.judged();
-        // before the first measurement there is nothing to begin with
+        // the filter is initialised from the first measurement
         let Some(controller) = self.scheduled_lqr.as_mut().filter(|_| measurement.number > 0)
         else {
             return;
         };
-        // delays are those of the attachment, where it measures them; they stay while the load moves
+        // delays come from the attachment if it measures them; they are constant while the load moves
         let is_held = self.decision.is_at_rest();
         if let Some(delay) = self.link.and_then(|link| link.delay).filter(|_| is_held) {
             let [measurement, command] = delay.cycles();
@@ -434,7 +439,7 @@ impl ControlTask {
         }
     }
 
-    /// The same with an estimator that begins with the parameters of an earlier run.
+    /// The same with a state estimator that starts with the parameters of an earlier run.
     #[must_use]
     pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
         self.scheduled_lqr =
@@ -462,7 +467,7 @@ impl ControlTask {
         })
     }
 
-    /// The newest measurement, and what of it may be used.
+    /// Newest measurement with each signal marked as good, out of range or stale.
     fn judged(&self) -> Measurement {
         let is_stale = self.age > FRESH * self.benchmark.period;
         let ranges = ranges(self.supervisor.limits());
@@ -473,8 +478,8 @@ impl ControlTask {
         Measurement { axes, ..self.measurement }
     }
 
-    /// The preview where the course begins. Times ahead are summed up period by period as the course's time is, so that a set
-    /// point is the same when it is ahead and when it is now.
+    /// Fills the preview at the start of the course. Times ahead are summed period by period, as the course
+    /// time is. A set point is then bit-identical in the preview and at its own period.
     fn begin_preview(&mut self) {
         let (course, period, begin) =
             (&self.course, self.benchmark.period, -self.course.approach());
@@ -498,7 +503,7 @@ impl ControlTask {
         self.preview_end = time(PERIODS_AHEAD as f64 * period);
     }
 
-    /// The preview a period later.
+    /// Shifts the preview by one period.
     fn advance_preview(&mut self) {
         let (course, now, period) = (&self.course, self.course_time, self.benchmark.period);
         self.preview_end += period;
@@ -509,8 +514,9 @@ impl ControlTask {
         });
     }
 
-    /// The simulated crane takes payload and transition pressure from the estimator while the load is held. A change in motion would move it, and a
-    /// machine that is led by it.
+    /// Updates payload and transition pressure of the simulated crane from the estimator while the load is
+    /// held. A change during motion would disturb the simulation, and with it the machine under simulation
+    /// feedforward.
     fn adopt_estimates(&mut self, now: &Period) {
         let is_held = !self.decision.controls && self.decision.command.holding_valve < 0.5;
         let is_fresh = self.age < FRESH * self.benchmark.period;
@@ -526,7 +532,8 @@ impl ControlTask {
         }
     }
 
-    /// The strategy asked for; on the way to its beginning a course is measured, whatever comes then.
+    /// Requested strategy. During the approach to the start of a course an open-loop strategy is replaced
+    /// by the benchmark controller.
     fn asked(&self, now: &Period) -> Strategy {
         match self.course_time < 0.0 && !now.strategy.estimates() {
             true => Strategy::BenchmarkClosedLoop,
@@ -534,12 +541,12 @@ impl ControlTask {
         }
     }
 
-    /// The load is the controller's from the next period on.
+    /// Prepares the strategies for control of the load from the next period on.
     fn begin(&mut self, now: &Period) {
         self.offset = 0.0;
         let beginning = self.course.reference(-self.course.approach()).position;
         self.start_offset = self.signals().stroke - beginning;
-        // the scheduled LQR takes over from the benchmark in the first period
+        // the scheduled LQR takes over from the benchmark controller in the first period
         self.strategy = match self.asked(now) {
             asked if asked.estimates() => Strategy::BenchmarkClosedLoop,
             asked => asked,
@@ -555,7 +562,8 @@ impl ControlTask {
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
         }
-        // what keeps the pump pre-loaded now is what the leakage takes
+        // the motor speed that keeps the pump pre-loaded now compensates the leakage: it is the initial
+        // command
         let mut reference = self.course.reference(-self.course.approach());
         reference.position += self.start_offset;
         let speed = self.decision.command.motor_speed;
@@ -577,18 +585,18 @@ impl ControlTask {
         Some(command.motor_speed)
     }
 
-    /// The speed the strategy wants.
+    /// Computes the motor speed of the active strategy.
     fn control(&mut self, reference: &SetPoint<f64>, measured: &BenchmarkInput<f64>, now: &Period) {
         let b = self.benchmark;
         if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
-            // it was set to where the machine is, at rest
+            // the simulation was synchronised with the machine at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
             self.published.start_simulated(Some(simulated.axis()));
             (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
         }
         let asked = self.asked(now);
-        // a strategy that needs a simulation that is not there, or not true, is not followed
+        // a strategy that uses the simulation needs one that runs, is on time and agrees with the machine
         let most = match asked.measures() {
             true => DRIFT * self.closed_loop_tracking,
             false => OPEN_LOOP_DRIFT * self.open_loop_tracking,
@@ -603,7 +611,8 @@ impl ControlTask {
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
         let estimator = asked.estimates().then_some(self.scheduled_lqr.as_ref());
         let estimator = estimator.map(|c| c.map(ScheduledLqrController::is_valid));
-        // an estimator that has diverged begins anew with the next release, and so does a law without a command
+        // a diverged estimator is initialised again at the next release; a non-finite command is not
+        // retried in motion
         self.fallback = match (self.fallback, estimator) {
             (Some(Fallback::Estimator), _) | (_, Some(Some(false))) => Some(Fallback::Estimator),
             (Some(Fallback::Command), _) => Some(Fallback::Command),
@@ -614,7 +623,7 @@ impl ControlTask {
         };
         let drifted = self.fallback == Some(Fallback::Simulation);
         self.trusted = if is_true && drifted { self.trusted + b.period } else { 0.0 };
-        // it is followed again only after it was set to the machine's state
+        // the strategy is resumed only after a synchronisation of the simulation with the machine
         if drifted && self.trusted >= TRUSTED && self.epoch != self.fallen_at {
             self.fallback = None;
         }
@@ -636,13 +645,14 @@ impl ControlTask {
         }
         let changes = strategy != self.strategy;
         if changes && self.strategy.estimates() && strategy.measures() {
-            // it has not looked at the machine since
+            // the published strategies had no measurements while the scheduled LQR was active
             self.published.forget_measurements(&self.measurement);
         }
         if changes && !strategy.estimates() {
             self.published.change_to(strategy, self.wanted);
         }
-        // the simulated crane is led under every strategy, so that any can be changed to
+        // the simulated crane follows the course under every strategy, so that any strategy can be selected
+        // later
         let simulated = now.simulated.filter(|s| !s.failed).map(|s| s.state);
         let mut preview = self.preview;
         preview.shift(self.start_offset);
@@ -660,7 +670,8 @@ impl ControlTask {
         }
         self.wanted = asked + self.offset;
         self.offset *= 1.0 - b.period / BUMP;
-        // feedback that takes over from open loop has its time to make good what it finds
+        // after a change from open loop the tracking limit decreases slowly while feedback removes the
+        // error
         self.tracking = match strategy.measures() {
             true => {
                 self.tracking + (self.closed_loop_tracking - self.tracking) * b.period / RECOVERY

@@ -1,47 +1,48 @@
-//! What the control task is to run: from where the piston is to where a path begins, then the path.
+//! Course of the control task: an approach from the piston's position to the start of a trajectory, then
+//! the trajectory.
 
 use hydroboom_control::reference::profile::{PointToPoint, RampShape, SetPoint};
 use hydroboom_control::reference::trajectory::Trajectory;
 use std::sync::Arc;
 
-/// A piston that is nearer to the path's beginning than this needs no approach \[m\].
+/// Distance to the trajectory's start below which there is no approach \[m\].
 const NEAR: f64 = 1e-3;
-/// An approach is no faster than this \[m/s\].
+/// Largest speed of an approach \[m/s\].
 const APPROACH_SPEED: f64 = 0.05;
-/// Its ramps, and the rest after it \[s\].
+/// Duration of its ramps, and of the dwell after it \[s\].
 const APPROACH_RAMP: f64 = 0.5;
 const APPROACH_REST: f64 = 0.5;
 
-/// A path and the way to its beginning.
+/// Trajectory with the approach to its start.
 #[derive(Clone)]
 pub struct Course {
     path: Arc<dyn Trajectory>,
     approach: Approach,
 }
 
-/// The way to where a path begins.
+/// Approach to the start of a trajectory.
 #[derive(Clone, Copy)]
 enum Approach {
-    /// The piston is near.
+    /// The piston is at the start.
     None,
-    /// From a position \[m\], in a direction.
+    /// Start position \[m\], motion profile, and direction of motion (1 outwards, -1 inwards).
     Way(f64, PointToPoint<f64>, f64),
-    /// The path itself has it, for so long \[s\].
+    /// Duration of the approach that is part of the trajectory \[s\].
     Path(f64),
 }
 
 impl Course {
-    /// A path for a piston that is at its beginning.
+    /// Course for a piston at the start of the trajectory.
     pub fn new(path: Arc<dyn Trajectory>) -> Self {
         Self { path, approach: Approach::None }
     }
 
-    /// A path that begins before its time zero, with an approach of so long \[s\].
+    /// Course of a trajectory that contains its own approach: it starts at time `-duration` \[s\].
     pub fn with_approach(path: Arc<dyn Trajectory>, duration: f64) -> Self {
         Self { path, approach: Approach::Path(duration) }
     }
 
-    /// A path for a piston that is somewhere \[m\].
+    /// Course for a piston at position `stroke` \[m\].
     pub fn from_stroke(path: Arc<dyn Trajectory>, stroke: f64) -> Self {
         let begin = path.reference(0.0).position;
         let distance = begin - stroke;
@@ -57,7 +58,7 @@ impl Course {
         Self { path, approach: Approach::Way(stroke, way, distance.signum()) }
     }
 
-    /// Duration of the approach \[s\]; zero where there is none.
+    /// Duration of the approach \[s\]; zero if there is none.
     pub fn approach(&self) -> f64 {
         match self.approach {
             Approach::None => 0.0,
@@ -66,7 +67,7 @@ impl Course {
         }
     }
 
-    /// Position and velocity at a time of the course \[s\]: zero where the path begins, negative in the
+    /// Set point at a time of the course \[s\]: zero at the start of the trajectory, negative during the
     /// approach.
     pub fn reference(&self, t: f64) -> SetPoint<f64> {
         match self.approach {
@@ -78,12 +79,12 @@ impl Course {
         }
     }
 
-    /// Duration of the path \[s\].
+    /// Duration of the trajectory \[s\].
     pub fn duration(&self) -> f64 {
         self.path.duration()
     }
 
-    /// Largest speed \[m/s\].
+    /// Largest speed of the trajectory \[m/s\].
     pub fn speed(&self) -> f64 {
         self.path.speed()
     }

@@ -1,47 +1,48 @@
-//! Where people ask: what is asked for crosses to the real-time threads without a lock.
+//! Operator desk: passes requests of the operator to the real-time threads without a lock.
 //!
-//! A start and a reset are requests of the operator who is present. Each carries the [`Generation`] in which it
-//! was made, which changes with the operator and with an emergency stop: what was asked for before is void then,
-//! also where it is still on its way through another thread.
+//! A start and a reset are requests of the operator who is present. Each carries the [`Generation`] in
+//! which it was made. The generation changes with the operator and with an emergency stop, which makes
+//! earlier requests void, also those still in transit between threads.
 
 use crate::posix::now;
 use hydroboom_control::strategy::Strategy;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
-/// Which operator, and since which emergency stop: grows whenever the role is taken, given back or lost, and
-/// with every emergency stop.
+/// Counter that identifies the operator and the last emergency stop. It increases when the role is taken,
+/// given back or lost, and with every emergency stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Generation(u64);
 
-/// Switches that any thread may turn.
+/// Requests of the operator, as atomics that any thread may set.
 #[derive(Debug)]
 pub struct Desk {
-    /// Generation of a start that is asked for; [`NOTHING`] when none is.
+    /// Generation of a pending start; [`NOTHING`] if there is none.
     start: AtomicU64,
-    /// For how long that start holds \[s\], as bits.
+    /// Validity of the pending start \[s\], as bits of an `f64`.
     start_within: AtomicU64,
     stop: AtomicBool,
     emergency: AtomicBool,
-    /// Generation of a reset that is asked for; [`NOTHING`] when none is.
+    /// Generation of a pending reset; [`NOTHING`] if there is none.
     reset: AtomicU64,
     closing: AtomicBool,
     strategy: AtomicUsize,
     generation: AtomicU64,
-    /// Until when somebody attends \[ns of the monotonic clock\].
+    /// Time until which an operator is present \[ns of the monotonic clock\].
     attended_until: AtomicU64,
 }
 
-/// Somebody attends for good.
+/// An operator is present without a time limit.
 const ALWAYS: u64 = u64::MAX;
-/// No request; generations begin above it.
+/// No request; generations are greater.
 const NOTHING: u64 = 0;
 
 impl Desk {
-    /// A start that is not taken up within this time of being asked for is dropped \[s\]: long enough for a
-    /// session's thread to prepare the course, short enough that whoever asked still looks on.
+    /// Validity of a start request \[s\]. It leaves the session's thread time to prepare the course, and
+    /// expires while the operator still watches.
     pub const START_WITHIN: f64 = 1.0;
 
-    /// A desk with a strategy chosen, attended for good by whoever started the program, and nothing else.
+    /// Desk with a chosen strategy and no request. The person who started the program counts as present
+    /// without a time limit.
     pub fn new(strategy: Strategy) -> Self {
         let desk = Self {
             start: AtomicU64::new(NOTHING),
@@ -58,73 +59,74 @@ impl Desk {
         desk
     }
 
-    /// The generation in which a request is made now.
+    /// Present generation.
     pub fn generation(&self) -> Generation {
         Generation(self.generation.load(Ordering::Acquire))
     }
 
-    /// Somebody takes the operator's role, and attends for so long from now \[s\].
+    /// Takes the operator's role and marks the operator as present for `seconds`. Returns the new
+    /// generation.
     pub fn take_role(&self, seconds: f64) -> Generation {
         let before = self.generation.fetch_add(1, Ordering::AcqRel);
         self.attend(seconds);
         Generation(before + 1)
     }
 
-    /// The operator's role is given back, or was lost: nobody attends.
+    /// Gives the operator's role back, or marks it as lost: no operator is present.
     pub fn leave_role(&self) {
         self.attend(0.0);
         self.generation.fetch_add(1, Ordering::AcqRel);
     }
 
-    /// The operator attends for so long from now \[s\]; a shorter time given later holds.
+    /// Marks the operator as present for `seconds` from now. A later call replaces the time, also by a
+    /// shorter one.
     pub fn attend(&self, seconds: f64) {
         let until = now().saturating_add((seconds.max(0.0) * 1e9) as u64);
         self.attended_until.store(until, Ordering::Release);
     }
 
-    /// Whether somebody attends.
+    /// Whether an operator is present.
     pub fn is_attended(&self) -> bool {
         let until = self.attended_until.load(Ordering::Acquire);
         until == ALWAYS || now() < until
     }
 
-    /// Whoever attends now asks that a motion begin.
+    /// Requests a start in the present generation.
     pub fn start(&self) {
-        // who is replaced in between has not asked
+        // false if the operator changed in between: then the start is void
         let _ = self.start_in(self.generation(), Self::START_WITHIN);
     }
 
-    /// Whoever attends now asks that, after a fault, the machine be watched again.
+    /// Requests a reset after a fault in the present generation.
     pub fn reset(&self) {
         let _ = self.reset_in(self.generation());
     }
 
-    /// Asks that a motion begin, within a time \[s\] of at most [`Desk::START_WITHIN`]. False, and nothing is
-    /// asked for, where the request is of an earlier generation.
+    /// Requests a start that is valid for `within` seconds, at most [`Desk::START_WITHIN`]. False without
+    /// effect if `generation` is no longer the present one.
     pub fn start_in(&self, generation: Generation, within: f64) -> bool {
         let holds = generation == self.generation();
         if holds {
             self.start_within.store(within.to_bits(), Ordering::Relaxed);
-            // the time that was stored before is there when this is seen
+            // the release order makes the validity stored before visible together with the generation
             self.start.store(generation.0, Ordering::Release);
         }
         holds
     }
 
-    /// Brings all to rest.
+    /// Requests a controlled stop.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    /// Holds the load at once; what was asked for before is void.
+    /// Requests an emergency stop, which makes earlier requests void.
     pub fn emergency_stop(&self) {
-        // who sees the new generation sees the stop, at the latest a period later
+        // a thread that sees the new generation sees the emergency stop at the latest one period later
         self.emergency.store(true, Ordering::Release);
         self.generation.fetch_add(1, Ordering::AcqRel);
     }
 
-    /// Asks that, after a fault, the machine be watched again. False, and nothing is asked for, where the
-    /// request is of an earlier generation.
+    /// Requests a reset after a fault. False without effect if `generation` is no longer the present one.
     pub fn reset_in(&self, generation: Generation) -> bool {
         let holds = generation == self.generation();
         if holds {
@@ -133,27 +135,27 @@ impl Desk {
         holds
     }
 
-    /// Brings all to rest, and ends.
+    /// Requests a controlled stop and the end of the session.
     pub fn close(&self) {
         self.closing.store(true, Ordering::Relaxed);
     }
 
-    /// Changes the strategy, also during the motion.
+    /// Requests a strategy, also during a motion.
     pub fn choose(&self, strategy: Strategy) {
         self.strategy.store(strategy as usize, Ordering::Relaxed);
     }
 
-    /// The strategy asked for.
+    /// Requested strategy.
     pub fn strategy(&self) -> Strategy {
         Strategy::ALL[self.strategy.load(Ordering::Relaxed) % Strategy::ALL.len()]
     }
 
-    /// Whether all shall end.
+    /// Whether the session is to end.
     pub fn is_closing(&self) -> bool {
         self.closing.load(Ordering::Relaxed)
     }
 
-    /// A start that was asked for, and for how long it holds \[s\].
+    /// Takes the pending start: its generation and validity \[s\].
     pub(crate) fn take_start(&self) -> Option<(Generation, f64)> {
         match self.start.swap(NOTHING, Ordering::Acquire) {
             NOTHING => None,
@@ -172,7 +174,7 @@ impl Desk {
         self.emergency.swap(false, Ordering::Acquire)
     }
 
-    /// A reset that was asked for.
+    /// Takes the pending reset.
     pub(crate) fn take_reset(&self) -> Option<Generation> {
         let generation = self.reset.swap(NOTHING, Ordering::Acquire);
         (generation != NOTHING).then_some(Generation(generation))

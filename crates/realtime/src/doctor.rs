@@ -1,18 +1,18 @@
-//! What this machine offers a real-time program, what it lacks, and what to do about it.
+//! Check of the computer's real-time capability: findings, and advice for what is missing.
 
 use crate::posix;
 use std::path::Path;
 
-/// One thing that was looked at.
+/// Result of one check.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What was looked at.
+    /// Checked property.
     pub what: &'static str,
-    /// What was found.
+    /// Observed value.
     pub found: String,
-    /// Whether it is as it should be.
+    /// Whether the value suits a real-time program.
     pub is_well: bool,
-    /// What to change, and why, where it is not.
+    /// Advice, with the reason, if the value does not suit.
     pub advice: &'static str,
 }
 
@@ -24,7 +24,7 @@ fn read(path: &str) -> Option<String> {
     std::fs::read_to_string(path).ok().map(|text| text.trim().to_string())
 }
 
-/// Looks at this machine. It changes nothing that outlives the call.
+/// Checks this computer. Nothing is changed beyond the call.
 pub fn examine() -> Vec<Finding> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let version = read("/proc/sys/kernel/version").unwrap_or_default();
@@ -34,7 +34,7 @@ pub fn examine() -> Vec<Finding> {
     let governor = read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
     let isolated = read("/sys/devices/system/cpu/isolated").filter(|cores| !cores.is_empty());
     let hypervisor = read("/proc/cpuinfo").is_some_and(|text| text.contains(" hypervisor"));
-    // in a thread of its own, which takes the priority away with it
+    // in a thread of its own, so that the priority ends with the thread
     let first = std::thread::spawn(|| posix::run_first(80)).join();
     let may_run_first = matches!(first, Ok(Ok(())));
     let may_lock = posix::may_lock_memory();

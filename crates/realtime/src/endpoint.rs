@@ -1,6 +1,6 @@
-//! The controller's end of the local interface: which machine it speaks with, which datagrams it accepts, what it answers, and
-//! the delays that follow from them. It knows no socket and no clock but the times that it is given; `docs/reference/machine-interface.md`
-//! is the normative text.
+//! Controller's endpoint of the local interface: accepts one machine and its datagrams, answers them, and
+//! measures the delays. It has no socket, and no clock but the times passed to it.
+//! `docs/reference/machine-interface.md` is the normative text.
 
 use crate::machine::{Delay, Link, Outgoing};
 use hydroboom_control::measurement::AXES;
@@ -13,83 +13,84 @@ use hydroboom_machine_interface::signal::MEASURED;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use thiserror::Error;
 
-/// Commands whose measurements are remembered until the machine names them.
+/// Number of commands whose measurement's sampling time is kept until the machine acknowledges them.
 const REMEMBERED: usize = 64;
-/// Measurements over which delays are averaged.
+/// Number of measurements over which delays are averaged.
 const AVERAGED: f64 = 256.0;
 
-/// In what a machine that asked for a session differs from this controller.
+/// Mismatch between this controller and a machine that requests a session.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum Difference {
-    /// It speaks another version.
+    /// Another version of the interface.
     #[error(
         "the machine speaks version {0} of the interface, and {VERSION} is spoken here: use a machine of version {VERSION}"
     )]
     Version(u16),
-    /// It has another control period \[ns\].
+    /// Another control period \[ns\].
     #[error(
         "the machine's control period is {machine} ns, and the controller's {controller} ns: set controller.control_period_ms of the crane file, or the \
          machine's period, so that they are equal"
     )]
     Period {
-        /// The machine's.
+        /// Control period of the machine.
         machine: u32,
-        /// The controller's.
+        /// Control period of the controller.
         controller: u32,
     },
-    /// It has another number of axes.
+    /// Another number of axes.
     #[error("the machine has {machine} axes, and the controller {AXES}: let it send {AXES}")]
     Axes {
-        /// The machine's.
+        /// Number of axes of the machine.
         machine: usize,
     },
 }
 
-/// What a datagram was.
+/// Type of a received datagram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "no allocation in the control period")]
 pub enum Received {
-    /// Nothing that is accepted.
+    /// No accepted datagram.
     Nothing,
-    /// A machine asked for a session: this many bytes are to be sent back to it.
+    /// Session request of a machine; the reply has this many bytes.
     Hello(usize),
-    /// A measurement, with its number.
+    /// Measurement with its sequence number.
     Measurement(u64, Measurement),
 }
 
-/// Which command answers which measurement.
+/// A command's sequence number with the measurement that it answers.
 #[derive(Clone, Copy, Debug, Default)]
 struct Answer {
     sequence: u64,
-    /// Time of sampling of that measurement \[ns\].
+    /// Sampling time of the measurement \[ns\].
     sampled: u64,
 }
 
-/// The controller's end of a session.
+/// Controller's endpoint of a session.
 #[derive(Clone, Copy, Debug)]
 pub struct Endpoint {
     /// Control period \[ns\].
     period: u32,
     session: Session,
     machine: Option<(SocketAddr, Peer)>,
-    /// Whether a measurement of the session was accepted.
+    /// Whether a measurement of this session has been accepted.
     has_begun: bool,
-    /// Datagrams of another address, or of another port than the machine's.
+    /// Number of datagrams from another address or port than the machine's.
     refused: u64,
     difference: Option<Difference>,
     sent: u64,
     answers: [Answer; REMEMBERED],
-    /// The last command that the machine has named.
+    /// Sequence number of the last command that the machine acknowledged.
     named: u64,
     delay: Option<Delay>,
     commands_lost: bool,
 }
 
 impl Endpoint {
-    /// An end without a machine yet, of a session number that nobody can guess, and a control period \[ns\].
+    /// Endpoint without a machine. `session` is an unpredictable session number, `period` the control
+    /// period \[ns\].
     pub fn new(session: u64, period: u32) -> Self {
         Self {
-            // a hello's session is 0, and a session is not
+            // zero marks the session request: a session's own number is at least 1
             session: Session::new(session.max(1)),
             period: period.max(1),
             machine: None,
@@ -104,27 +105,27 @@ impl Endpoint {
         }
     }
 
-    /// The machine's address, and whether it says that it is simulated; none before a session.
+    /// Address of the machine, and whether it declares itself simulated; none before a session.
     pub fn machine(&self) -> Option<(SocketAddr, Peer)> {
         self.machine
     }
 
-    /// Whether a measurement of the session was accepted.
+    /// Whether a measurement of this session has been accepted.
     pub fn has_begun(&self) -> bool {
         self.has_begun
     }
 
-    /// In what the machine that asked last differs, if in anything.
+    /// Mismatch of the machine that last requested a session, if any.
     pub fn difference(&self) -> Option<Difference> {
         self.difference
     }
 
-    /// What became of datagrams so far, and how many came from another address or port.
+    /// Counts of datagrams of the session, and the number from another address or port.
     pub fn counters(&self) -> (Counters, u64) {
         (self.session.counters, self.refused)
     }
 
-    /// What it tells of itself.
+    /// State of the link.
     pub fn link(&self) -> Link {
         Link {
             lost: self.session.counters.lost,
@@ -134,7 +135,7 @@ impl Endpoint {
         }
     }
 
-    /// Takes a datagram; what is to be sent back, if anything, is in `reply`.
+    /// Processes a datagram. The bytes to send back, if any, are in `reply`.
     pub fn receive(
         &mut self,
         bytes: &[u8],
@@ -154,7 +155,7 @@ impl Endpoint {
             Err(Dropped::Version(version)) if self.machine.is_none() => {
                 self.difference = Some(Difference::Version(version));
             }
-            // what only a controller sends, or of another number of axes
+            // a command, which only a controller may send, or another number of axes
             Ok((_, Body::Command(_))) => {
                 self.session.counters.malformed += 1;
                 return Received::Nothing;
@@ -166,7 +167,7 @@ impl Endpoint {
             _ => {}
         }
         match self.session.accept(bytes) {
-            // whoever has not asked for the session has guessed its number
+            // a sender that has not requested the session does not know its number legitimately
             Some((header, Body::Measurement(measurement))) if self.machine.is_some() => {
                 self.has_begun = true;
                 self.look_at_answer(&header, &measurement);
@@ -176,7 +177,8 @@ impl Endpoint {
         }
     }
 
-    /// Begins a session with a machine that asks for it, and does so again where the answer did not get to it.
+    /// Starts a session at a machine's request. The reply is repeated if the request is, because it may
+    /// have been lost.
     fn greet(
         &mut self,
         hello: &Hello,
@@ -208,10 +210,10 @@ impl Endpoint {
         Received::Hello(encode(&header, &Body::Hello(own), reply))
     }
 
-    /// Delays, from what a measurement says of the last command that was accepted.
+    /// Updates the delays from a measurement and the last command that it acknowledges.
     fn look_at_answer(&mut self, header: &Header, measurement: &Measurement) {
         let period = f64::from(self.period);
-        // nobody accepts what was never sent
+        // an acknowledgement cannot exceed the number of commands sent
         let received = header.received.min(self.sent);
         let waiting = (self.sent - received) as f64 * period;
         self.commands_lost = waiting > WATCHDOG.as_nanos() as f64;
@@ -234,8 +236,8 @@ impl Endpoint {
         }));
     }
 
-    /// Writes a command; its length, and where it is to be sent. None before a measurement was accepted. `answers`: time of sampling \[ns\] of
-    /// the measurement that it answers.
+    /// Writes a command to the given bytes. `answers` is the sampling time \[ns\] of the measurement that
+    /// it answers. Returns its length and destination; none before the first accepted measurement.
     pub fn command(
         &mut self,
         outgoing: &Outgoing,
@@ -316,7 +318,7 @@ mod tests {
         assert_eq!(take(&mut endpoint, &hello(|_| ()), port(4001)), Received::Nothing);
         assert_eq!(take(&mut endpoint, &measurement(header, 0), port(4001)), Received::Nothing);
         assert_eq!(endpoint.counters().1, 2);
-        // an answer that was lost is sent again, until the session runs
+        // a lost reply is repeated until the session runs
         assert!(matches!(take(&mut endpoint, &hello(|_| ()), port(4000)), Received::Hello(_)));
         let taken = take(&mut endpoint, &measurement(header, 0), port(4000));
         assert!(matches!(taken, Received::Measurement(1, _)));
@@ -344,7 +346,8 @@ mod tests {
         assert_eq!(endpoint.difference(), Some(Difference::Version(2)));
     }
 
-    /// A machine in which a measurement is `sensors` cycles old when it is sent, and whose commands are accepted `late` cycles late.
+    /// Delay measured for a machine that sends measurements `sensors` cycles after sampling and accepts
+    /// commands `late` cycles after sending.
     fn delay_of(sensors: u64, late: u64) -> Delay {
         let mut endpoint = greeted();
         let period = u64::from(PERIOD);
@@ -371,7 +374,7 @@ mod tests {
     fn commands_that_are_not_accepted_are_missed_within_the_watchdogs_time() {
         let mut endpoint = greeted();
         for k in 1..=60_u64 {
-            // the machine hears the first thirty
+            // the machine receives the first thirty commands
             let received = (k - 1).min(30);
             let header = Header { session: SESSION, sequence: k, received, clock: 0 };
             take(&mut endpoint, &measurement(header, 0), port(4000));

@@ -1,12 +1,13 @@
-//! The executive in real time: simulation and control, each a thread on a core of its own.
+//! Executive in real time: simulation and control task, each a thread on a core of its own.
 //!
-//! In the cycle nothing is allocated, locked or logged, and no system call is made but for the
-//! clock and the wait. Overruns are counted. The control task leaves out the periods it missed, and the
-//! supervisor faults after too many in a sliding window; the simulation catches up within a bound, beyond which it is
-//! left behind and the benchmark takes over.
+//! The cycle allocates no memory, takes no lock, writes no log, and makes no system call but the clock and
+//! the wait. Missed releases are counted. The control task skips the periods that it missed, and the
+//! supervisor reports a fault after too many in a sliding window. The simulation catches up within a bound.
+//! Beyond it the simulation stays delayed, and the benchmark controller takes over.
 //!
-//! Neither task can end unseen. Where the control task panics its thread holds the load at once, and keeps on until the
-//! session ends; where the simulation does, it is shown as failed, and the benchmark takes over.
+//! A failure of either task is reported. If the control task panics, its thread holds the load at once and
+//! until the session ends. If the simulation panics, it is marked as failed and the benchmark controller
+//! takes over.
 
 use crate::conditions::Conditions;
 use crate::control_task::{ControlTask, Deadlines, Period, Record};
@@ -37,16 +38,16 @@ use std::thread;
 use std::time::Duration;
 use thiserror::Error;
 
-/// Where and how the tasks run.
+/// Cores and spin times of the tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     /// Core of the simulation.
     pub simulation_core: usize,
     /// Core of the control task.
     pub control_core: usize,
-    /// Time that is spun and not slept before a release of the simulation \[ns\].
+    /// Time before a release of the simulation that is spent spinning instead of sleeping \[ns\].
     pub simulation_spin: u64,
-    /// The same of the control task \[ns\].
+    /// The same for the control task \[ns\].
     pub control_spin: u64,
 }
 
@@ -56,83 +57,83 @@ impl Default for Placement {
     }
 }
 
-/// Priorities under SCHED_FIFO: the simulation first, because it is the shorter.
+/// SCHED_FIFO priorities. The simulation has the higher one, because its steps are shorter.
 const SIMULATION_PRIORITY: i32 = 80;
 const CONTROL_PRIORITY: i32 = 70;
 
-/// Steps that the simulation makes up for at once, at most: a tenth of a second.
+/// Largest number of steps that the simulation catches up at once: 0.1 s.
 const CATCH_UP: u64 = 2000;
-/// A release so late means that the clock has jumped, or the machine slept \[ns\].
+/// Release delay beyond which the clock has jumped or the computer was suspended \[ns\].
 const CLOCK_JUMP: u64 = 1_000_000_000;
-/// Records on their way to the log, at most: four seconds.
+/// Capacity of the queue of records to the log: about four seconds.
 const QUEUE: usize = 4096;
-/// Orders on their way to a task, at most.
+/// Capacity of the queue of orders to a task.
 const ORDERS: usize = 16;
-/// Steps over which the worst of the simulation's timing is shown: a control period.
+/// Steps over which the simulation's worst timing is taken: one control period.
 const SHOWN: u64 = 20;
-/// Periods for which the load has to rest before a run ends.
+/// Periods of a held load at rest before a run ends.
 const RESTED: u32 = 200;
 
-/// What a run in real time came to.
+/// Summary of a run in real time.
 #[derive(Clone, Debug)]
 pub struct RealTime {
-    /// Deadlines of the simulation.
+    /// Deadline statistics of the simulation.
     pub simulation: Timing,
-    /// Deadlines of the control task.
+    /// Deadline statistics of the control task.
     pub control: Timing,
-    /// What the system did not grant, and what that costs.
+    /// Real-time privileges that the system refused, each with the consequence.
     pub lost: Vec<String>,
-    /// Time that the hypervisor took from each task's core meanwhile \[s\]: simulation, control. None
-    /// where the kernel does not tell.
+    /// Time that the hypervisor took from the cores of simulation and control \[s\]. None if the kernel
+    /// does not report it.
     pub stolen: Option<[f64; 2]>,
-    /// Records that the log was too slow for.
+    /// Records dropped because the log was too slow.
     pub dropped: u64,
-    /// Tasks that failed, in their order.
+    /// Failed tasks in order of failure.
     pub failures: Vec<Failure>,
-    /// What was decided last.
+    /// Last decision of the supervisor.
     pub end: Decision,
 }
 
-/// Why there was no run.
+/// Error that prevents a run.
 #[derive(Debug, Error)]
 pub enum ExecutiveError {
-    /// No memory for the histograms.
+    /// No memory for the timing histograms.
     #[error("no memory for the timing histograms")]
     Memory,
-    /// A thread ended by a panic outside of its task, which is a bug.
+    /// A thread panicked outside its guarded task, which is a defect of the program.
     #[error("a real-time thread ended by itself")]
     Thread,
 }
 
-/// Between both tasks.
+/// Data shared by both tasks.
 struct Between {
     simulated: Slot<SIMULATED>,
-    /// Whether it shall move, with which pump speed, and under which conditions.
+    /// Whether the simulated crane moves, its pump speed, and its conditions.
     asked: Slot<4>,
     ended: AtomicBool,
     dropped: AtomicU64,
 }
 
-/// What the tasks run on, and with.
+/// Tasks, machine and settings of a run.
 pub struct Tasks {
     /// The control task.
     pub control: ControlTask,
     /// The simulation.
     pub simulation: SimulationTask,
-    /// The machine.
+    /// Machine.
     pub machine: Box<dyn Machine>,
-    /// Periods of the simulation and of control \[s\].
+    /// Periods of simulation and control task \[s\].
     pub periods: (f64, f64),
-    /// Where and how they run.
+    /// Cores and spin times.
     pub placement: Placement,
 }
 
-/// Runs a session in real time. The attendant is shown every record, in an ordinary thread, and may be as
-/// slow as it likes; `tamper` does to a virtual machine what it orders.
+/// Runs a session in real time. The attendant receives every record in an ordinary thread without a time
+/// limit. `tamper` applies the ordered faults to a virtual machine.
 ///
 /// # Errors
 ///
-/// [`ExecutiveError`] when it cannot begin.
+/// [`ExecutiveError`] if the run cannot start.
 pub fn run(
     tasks: Tasks,
     lookout: Lookout<'_>,
@@ -181,7 +182,7 @@ pub fn run(
             (simulate_guarded(simulating, between, &simulation_fails), lost)
         });
         let control = scope.spawn(move || {
-            // also when it panics: nobody shall wait for it then
+            // the flag is set on a panic too, so that no thread waits for this one
             let _ended = EndsWithMe(&between.ended);
             let lost = prepare("the control task", placement.control_core, CONTROL_PRIORITY);
             let steering = Steering {
@@ -199,7 +200,7 @@ pub fn run(
             (steer_guarded(steering, between, &control_fails), lost)
         });
         let mut hand_over = |order| match order {
-            // a queue that is full has tasks that are not there any more
+            // a full queue has lost its consumer
             Order::Course(course) => drop(courses.push(course)),
             Order::Synchronise(at) => drop(states.push(*at)),
             Order::Tamper(what) => tamper(what),
@@ -218,7 +219,7 @@ pub fn run(
     })
 }
 
-/// Tells the others when its thread ends.
+/// Sets the flag that ends the other threads when its own thread ends.
 struct EndsWithMe<'a>(&'a AtomicBool);
 
 impl Drop for EndsWithMe<'_> {
@@ -227,7 +228,7 @@ impl Drop for EndsWithMe<'_> {
     }
 }
 
-/// Brings all to rest, and ends, where the attendant panics: nobody would.
+/// Requests a controlled stop and the end of the session if the attendant panics.
 struct ClosesUnattended<'a>(&'a Desk);
 
 impl Drop for ClosesUnattended<'_> {
@@ -238,7 +239,7 @@ impl Drop for ClosesUnattended<'_> {
     }
 }
 
-/// Makes the calling thread a real-time one as far as the system lets it; what it did not.
+/// Requests real-time privileges for the calling thread. Returns those that the system refused.
 fn prepare(task: &str, core: usize, priority: i32) -> Vec<String> {
     unwind_once();
     let mut lost = Vec::new();
@@ -251,7 +252,7 @@ fn prepare(task: &str, core: usize, priority: i32) -> Vec<String> {
     lost
 }
 
-/// What is shown of the simulation's timing \[ns\].
+/// Timing of the simulation as reported to the control task \[ns\].
 #[derive(Clone, Copy, Default)]
 struct Shown {
     late: u64,
@@ -259,7 +260,7 @@ struct Shown {
     missed: u64,
 }
 
-/// Words in which the simulation is shown to the control task.
+/// Number of words that carry the simulation's state to the control task.
 const SIMULATED: usize = 12;
 
 fn words(simulated: &Simulated, shown: &Shown) -> [u64; SIMULATED] {
@@ -294,7 +295,7 @@ fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
     (simulated, Shown { late: words[9], execution: words[10], missed: words[11] })
 }
 
-/// What the simulation's thread has.
+/// State of the simulation's thread.
 struct Simulating {
     task: SimulationTask,
     states: Consumer<AtRest>,
@@ -302,31 +303,31 @@ struct Simulating {
     spin: u64,
 }
 
-/// The simulation's cycle. Where it fails it is shown as failed, and stays where it was.
+/// Cycle of the simulation. After a panic the simulation is marked as failed and keeps its last state.
 fn simulate_guarded(mut with: Simulating, between: &Between, failures: &Sender<Failure>) -> Timing {
     if let Err(why) = guarded(|| simulate(&mut with, between)) {
         let failed = Simulated { failed: true, ..with.task.simulated() };
         between.simulated.publish(words(&failed, &Shown::default()));
-        // who would read it has ended
+        // an error means that the receiver has ended
         let _ = failures.send(Failure::Simulation(why));
     }
     with.timing
 }
 
-/// The simulation's cycle.
+/// Cycle of the simulation.
 fn simulate(with: &mut Simulating, between: &Between) {
     let Simulating { task, states, timing, spin } = with;
     let first = now();
     let mut release = first;
     let mut pump = None;
-    // of this stretch, and of the one before
+    // of the present interval, and of the one before
     let (mut worst, mut shown) = (Shown::default(), Shown::default());
     while !between.ended.load(Ordering::Acquire) {
         release += timing.period;
         wait_until(release, *spin);
         let late = now() - release;
         timing.released(late);
-        // what was missed is made up for
+        // missed steps are caught up
         let missed = late / timing.period;
         let steps = 1 + missed.min(CATCH_UP);
         release += missed * timing.period;
@@ -358,7 +359,7 @@ fn simulate(with: &mut Simulating, between: &Between) {
     }
 }
 
-/// What the control task's thread has.
+/// State of the control task's thread.
 struct Steering<'a> {
     task: ControlTask,
     machine: Box<dyn Machine>,
@@ -368,14 +369,14 @@ struct Steering<'a> {
     ending: Ending,
     spin: u64,
     timing: Timing,
-    /// Number of the last command.
+    /// Sequence number of the last command.
     sequence: u64,
-    /// What was recorded last.
+    /// Last record.
     last: Option<Record>,
 }
 
-/// The control task's cycle, until the load is held and nothing more is to be done. Where it fails the load is held from
-/// then on.
+/// Cycle of the control task, until the load is held and the session is to end. After a panic the load is
+/// held until then.
 fn steer_guarded(
     mut with: Steering<'_>,
     between: &Between,
@@ -388,7 +389,8 @@ fn steer_guarded(
     (with.timing, end)
 }
 
-/// Holds the load after the control task failed: at once, then in every period until the session ends.
+/// Holds the load after a failure of the control task: at once, then in every period until the session
+/// ends.
 fn hold(
     with: &mut Steering<'_>,
     between: &Between,
@@ -401,9 +403,9 @@ fn hold(
         guarded(|| machine.write(*sequence, &Outgoing::SAFE)).is_ok()
     };
     let mut is_heard = shut();
-    // the simulation rests
+    // the simulation stops
     between.asked.publish([0; 4]);
-    // who would read it has ended
+    // an error means that the receiver has ended
     let _ = failures.send(Failure::Control(why));
     let decision = Decision {
         command: AxisCommand { motor_speed: 0.0, holding_valve: 0.0 },
@@ -434,12 +436,12 @@ fn hold(
         }
         release = now().max(release + timing.period);
         wait_until(release, *spin);
-        // a machine that fails as well is left to its own watchdog
+        // a machine whose write fails too is left to its own watchdog
         is_heard = is_heard && shut();
     }
 }
 
-/// The record of a control task that has recorded nothing yet.
+/// Record for a control task that failed before its first record.
 fn unrecorded(decision: Decision, strategy: Strategy, conditions: Conditions) -> Record {
     Record {
         time: 0.0,
@@ -460,7 +462,7 @@ fn unrecorded(decision: Decision, strategy: Strategy, conditions: Conditions) ->
     }
 }
 
-/// The control task's cycle.
+/// Cycle of the control task.
 fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
     let Steering { task, machine, desk, courses, records, ending, spin, timing, sequence, last } =
         with;
@@ -508,7 +510,7 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
         });
         operator.see(&record.decision);
         *sequence += 1;
-        // a command that was decided before a stop of this process is not sent after it
+        // a command computed before this process was suspended is not sent afterwards
         let is_late = (now() - clock) as f64 * 1e-9 > task.watchdog();
         let outgoing = if is_late { Outgoing::SAFE } else { Outgoing::of(&record.decision) };
         machine.write(*sequence, &outgoing);
@@ -524,7 +526,7 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
         execution = thread_time() - before;
         timing.executed(execution, now() - clock, clock - first);
 
-        // a stopped motor and a shut valve have to reach the machine too
+        // the final command, motor at zero and valve shut, must reach the machine before the loop ends
         done_for = match ending.has_come(&operator, desk, &record.decision) {
             true => done_for + 1,
             false => 0,
@@ -535,7 +537,7 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
     }
 }
 
-/// Takes the records out of the queue, and hands orders over, until both tasks have ended; which of them failed.
+/// Drains the queue of records and passes orders on until both tasks have ended. Returns the failures.
 fn collect(
     mut queue: Consumer<Record>,
     between: &Between,
@@ -577,7 +579,7 @@ mod tests {
         let task = SimulationTask::new(&Description::uia_single_boom().unwrap(), 0.2).unwrap();
         let rested = task.simulated();
         let mut timing = Timing::new(50_000).unwrap();
-        // what no other thread gives it: it is divided by
+        // a zero period makes the task divide by zero and panic
         timing.period = 0;
         let simulating = Simulating { task, states: RingBuffer::new(1).1, timing, spin: 0 };
         let (fails, failures) = channel();

@@ -1,8 +1,8 @@
-//! Real-time tasks that fail: a panic is caught, what it said is kept, and nothing is printed in the cycle.
+//! Failures of real-time tasks: a panic is caught and its message kept, without output in the cycle.
 //!
-//! The standard library prints a panic before it unwinds. To print may take longer than the machine's watchdog bears: a
-//! screen may not take it, and a backtrace is looked up in the program's file (0.1 s). So what guarded work says is handed
-//! on instead, and printed by an ordinary thread once the load is held.
+//! The standard library prints a panic before it unwinds. Printing can take longer than the machine's
+//! watchdog time: a terminal may block, and a backtrace reads the program's debug information (0.1 s). The
+//! message of a guarded task is therefore stored, and an ordinary thread prints it after the load is held.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -10,12 +10,12 @@ use std::fmt;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
-/// A task that failed, and why.
+/// Failed task with the panic message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Failure {
-    /// The control task: the load is held, and no course can be run any more.
+    /// Control task: the load is held, and no further course can run.
     Control(String),
-    /// The simulation: the benchmark controller goes on without it.
+    /// Simulation: the benchmark controller continues without it.
     Simulation(String),
 }
 
@@ -35,13 +35,14 @@ impl fmt::Display for Failure {
 }
 
 thread_local! {
-    /// Whether this thread is at guarded work.
+    /// Whether this thread runs guarded work.
     static GUARDED: Cell<bool> = const { Cell::new(false) };
-    /// What its last panic said.
+    /// Message of its last panic.
     static SAID: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// From now on panics of guarded work are not printed. Those of all other threads are, as before.
+/// Stores the panic messages of guarded work instead of printing them. Panics of all other threads are
+/// printed as before.
 pub fn hand_panics_on() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -50,7 +51,7 @@ pub fn hand_panics_on() {
             Ok(true) => {
                 let place = panic.location().map_or_else(String::new, |at| format!(" ({at})"));
                 let said = format!("{}{place}", text(panic.payload()));
-                // a thread that has no place for it any more has ended
+                // an error means that the thread's storage has been destroyed: the thread is ending
                 let _ = SAID.try_with(|last| last.replace(Some(said)));
             }
             _ => print(panic),
@@ -58,12 +59,12 @@ pub fn hand_panics_on() {
     });
 }
 
-/// Does something; what its panic said where it panicked. What the work changed is then half done. Allocates nothing
-/// where nothing panics.
+/// Runs `work` and catches a panic. After a panic its changes are incomplete. Allocates no memory unless it
+/// panics.
 ///
 /// # Errors
 ///
-/// What the panic said, and where it was.
+/// Panic message with its source location.
 pub fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     let before = GUARDED.replace(true);
     let done = panic::catch_unwind(AssertUnwindSafe(work));
@@ -71,13 +72,13 @@ pub fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     done.map_err(|payload| SAID.take().unwrap_or_else(|| text(&*payload).into()))
 }
 
-/// Unwinds a little, so that what unwinding takes is in memory when a task fails: the first time takes up to 0.6 ms, later
-/// ones 0.05 ms.
+/// Unwinds once, so that the code and tables for unwinding are in memory before a task fails. The first
+/// time takes up to 0.6 ms, later ones 0.05 ms.
 pub fn unwind_once() {
     let _ = guarded(|| panic::resume_unwind(Box::new(())));
 }
 
-/// What a panic says.
+/// Message of a panic.
 fn text(payload: &(dyn Any + Send)) -> &str {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str)).unwrap_or("a panic")
@@ -95,7 +96,7 @@ mod tests {
         let said = guarded(|| 0.5_f64.max(bounds[usize::from(bounds[0] > 0.0) + 1])).unwrap_err();
         assert!(said.contains("the len is 2 but the index is 2"), "{said}");
         assert!(said.contains("failure.rs"), "{said}");
-        // one after the other, and within each other
+        // one after the other, and nested
         let inner = guarded(|| guarded(|| panic!("the inner one")).unwrap_err()).unwrap();
         assert!(inner.starts_with("the inner one (") && inner.contains("failure.rs"), "{inner}");
     }

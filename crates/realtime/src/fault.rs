@@ -1,96 +1,96 @@
-//! Faults that are injected: of sensors, drive, valve, load, control and people.
+//! Injected faults of sensors, drive, valve, load, control and operator.
 
-/// What a sensor can do wrong.
+/// Fault of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensor {
-    /// It shows what it showed last.
+    /// The last value is repeated.
     Stuck,
-    /// It jumps by a tenth of its range.
+    /// Step of a tenth of the range.
     Jumping,
-    /// It scatters.
+    /// Increased noise.
     Noisy,
-    /// It shows no number.
+    /// The value is NaN.
     NotANumber,
-    /// It is 50 ms late.
+    /// Delay of 50 ms.
     Delayed,
 }
 
-/// How pressures can be plausible and wrong.
+/// Plausible but wrong pressure signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongPressure {
-    /// p_A shows 0 bar, with noise.
+    /// p_A reads 0 bar, with noise.
     LoadZero,
-    /// p_A shows 20 bar, with noise.
+    /// p_A reads 20 bar, with noise.
     Load20Bar,
-    /// p_A shows p_PA.
+    /// p_A reads p_PA.
     LoadCopiesPump,
     /// p_A and p_B are exchanged.
     Exchanged,
-    /// p_PA shows p_A.
+    /// p_PA reads p_A.
     PumpCopiesLoad,
-    /// p_PA shows 66 bar too much.
+    /// p_PA reads 66 bar too high.
     PumpHigh,
 }
 
-/// How a position can be slowly wrong.
+/// Slowly growing error of the position signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongPosition {
-    /// It drifts by 2 mm/s.
+    /// Drift of 2 mm/s.
     Drift2,
-    /// It drifts by 20 mm/s.
+    /// Drift of 20 mm/s.
     Drift20,
-    /// It shows 1.2 times the motion since the fault began.
+    /// 1.2 times the motion since the start of the fault.
     Gain,
-    /// It shows 1.05 times the motion since the fault began.
+    /// 1.05 times the motion since the start of the fault.
     Gain5,
 }
 
-/// What can go wrong.
+/// Injected fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// A sensor, by its place in a reading.
+    /// Sensor fault; the index is the signal's place in a measurement.
     Sensor(usize, Sensor),
-    /// A pressure that is plausible and wrong.
+    /// Plausible but wrong pressure signal.
     Pressure(WrongPressure),
-    /// A position that is slowly wrong.
+    /// Slowly growing error of the position signal.
     Position(WrongPosition),
-    /// The machine's process is gone.
+    /// The machine's process ends.
     MachineKilled,
-    /// It stands still for 100 ms.
+    /// The machine's process pauses for 100 ms.
     MachinePaused,
-    /// It begins anew: its readings are counted from one again.
+    /// The machine's process restarts: its measurements are counted from one again.
     MachineRestarted,
-    /// The simulation gets half of its steps done.
+    /// The simulation executes half of its steps.
     SimulationSlowed,
-    /// The simulation stands still.
+    /// The simulation stops.
     SimulationKilled,
-    /// The control task is held up for so many milliseconds, and sends nothing meanwhile.
+    /// The control task is suspended for this time \[ms\] and sends no command meanwhile.
     ControlStopped(u32),
-    /// The control task is held up for 12 of every 13 periods.
+    /// The control task is suspended for 12 of every 13 periods.
     ControlStarved,
-    /// The drive gives a tenth of its speed at most.
+    /// The drive reaches at most a tenth of its speed.
     DriveSaturated,
-    /// The drive turns the other way.
+    /// The drive turns in the opposite direction.
     DriveReversed,
     /// The drive does not turn.
     DriveDead,
-    /// The drive turns at 300 rpm to lift when commanded to stand still.
+    /// The drive turns at 300 rpm in the lifting direction at zero command.
     DriveLifts,
-    /// The same to lower.
+    /// The same in the lowering direction.
     DriveLowers,
-    /// The valve does not open, or falls shut.
+    /// The valve does not open, or closes.
     ValveStuckShut,
-    /// The valve does not shut any more.
+    /// The valve does not close.
     ValveStuckOpen,
-    /// The load falls off.
+    /// The payload falls off.
     PayloadDropped,
     /// A line on pump side A bursts.
     LineBurst,
-    /// No operator is present any more.
+    /// The operator leaves.
     OperatorGone,
     /// The clock jumps.
     ClockJump,
-    /// Somebody presses the emergency stop.
+    /// The emergency stop is pressed.
     EmergencyStop,
 }
 
@@ -98,7 +98,7 @@ pub enum Fault {
 const SENSORS: [&str; 7] = ["position", "p_PA", "p_A", "p_B", "p_PB", "p_acc", "motor speed"];
 
 impl Fault {
-    /// All of them.
+    /// All faults.
     pub fn all() -> Vec<Self> {
         use Sensor::{Delayed, Jumping, Noisy, NotANumber, Stuck};
         let mut all = Vec::new();
@@ -148,12 +148,12 @@ impl Fault {
         all
     }
 
-    /// Those that are added to another one, 20 ms later.
+    /// Second faults, injected 20 ms after the first one.
     pub fn seconds() -> [Self; 3] {
         [Self::OperatorGone, Self::EmergencyStop, Self::ControlStarved]
     }
 
-    /// Those of the machine and the way to it, which can be injected where the machine is virtual.
+    /// Faults of the machine and its connection, which can be injected if the machine is virtual.
     pub fn of_machine() -> Vec<Self> {
         let is_ours = |fault: &Self| {
             matches!(

@@ -1,5 +1,5 @@
-//! The fault campaign: everything that can go wrong, at several moments, under every strategy, alone
-//! and with a second fault on top, judged on the simulated machine.
+//! Fault-injection campaign: every fault at several moments, under every strategy, alone and with a second
+//! fault, judged by the true state of the simulated machine.
 
 use crate::fault::{Fault, Sensor, WrongPosition, WrongPressure};
 use crate::lockstep::Lockstep;
@@ -16,23 +16,23 @@ use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::Truth;
 
-/// When it goes wrong.
+/// Moment of the injection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// Before the start: from the first period on.
+    /// From the first period on, before the start.
     BeforeStart,
-    /// While the pump fills its side.
+    /// While the pump pre-loads its side.
     PreLoad,
-    /// In the first ramp.
+    /// During the first ramp.
     Ramp,
-    /// In the cruise.
+    /// At constant speed.
     Cruise,
-    /// At rest at the far end, the load released.
+    /// At rest at the far end, with the load released.
     Rest,
 }
 
 impl Moment {
-    /// All of them.
+    /// All moments.
     pub const ALL: [Self; 5] =
         [Self::BeforeStart, Self::PreLoad, Self::Ramp, Self::Cruise, Self::Rest];
 
@@ -47,7 +47,7 @@ impl Moment {
         }
     }
 
-    /// Time of the course \[s\]; none where the load is not released yet.
+    /// Time of the course \[s\]; none before the load is released.
     fn course_time(self, motion: &OutAndBack<f64>) -> Option<f64> {
         let travel = motion.travel_time();
         match self {
@@ -58,7 +58,7 @@ impl Moment {
         }
     }
 
-    /// Speed of the piston then, of the course's.
+    /// Speed of the piston at that moment as a share of the course's speed.
     fn share_of_speed(self) -> f64 {
         match self {
             Self::BeforeStart | Self::PreLoad | Self::Rest => 0.0,
@@ -68,54 +68,55 @@ impl Moment {
     }
 }
 
-/// What came of a fault, as the machine shows it.
+/// Outcome of an injected fault, judged by the true state of the machine.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// What went wrong.
+    /// Injected fault.
     pub fault: Fault,
-    /// What came on top 20 ms later, if anything.
+    /// Second fault, injected 20 ms later, if any.
     pub second: Option<Fault>,
-    /// Under which strategy.
+    /// Active strategy at the injection.
     pub strategy: Strategy,
-    /// When.
+    /// Moment of the injection.
     pub moment: Moment,
-    /// What the supervisor found last; none where the course was finished all the same.
+    /// Last cause found by the supervisor; none if the course was finished.
     pub cause: Option<Cause>,
-    /// Time from the fault until the machine is safe, its pilots without pressure and its motor at
-    /// rest \[s\]; none where it never was.
+    /// Time from the fault to the safe state, pilots without pressure and motor at rest \[s\]; none if it
+    /// was not reached.
     pub safe_after: Option<f64>,
-    /// Whether the benchmark took over from the simulation.
+    /// Whether the benchmark controller took over from the requested strategy.
     pub fallback: bool,
-    /// Largest movement of the piston after the fault \[m\]: off its course until the stop began, and
-    /// from there.
+    /// Largest movement of the piston after the fault \[m\]: deviation from the course until the stop
+    /// began, then distance from there.
     pub moved: f64,
-    /// How far the piston sank below where it was held, for faults before the load was released \[m\].
+    /// Largest drop of the piston below its held position, for faults before the release \[m\].
     pub dropped: f64,
     /// Largest force on an end stop \[N\].
     pub stop_force: f64,
-    /// Largest pressure of any chamber \[Pa\].
+    /// Largest pressure in any chamber \[Pa\].
     pub peak_pressure: f64,
-    /// Largest pressure that is to be expected: the limit, and what shutting the valve at speed adds \[Pa\].
+    /// Upper bound of the pressure: the limit, and the rise when the valve shuts at speed \[Pa\].
     pub pressure_bound: f64,
-    /// Whether the supervisor must find it.
+    /// Whether the supervisor must detect the fault.
     pub must_be_found: bool,
-    /// Largest movement that is to be expected, computed from the limits \[m\].
+    /// Upper bound of the movement, computed from the limits \[m\].
     pub movement_bound: f64,
-    /// Longest time until the machine is safe that is to be expected \[s\]; none for faults that are
-    /// not found, or take drive or valve away.
+    /// Upper bound of the time to the safe state \[s\]; none for faults that are not detected, or that
+    /// disable drive or valve.
     pub time_bound: Option<f64>,
-    /// Why the machine broke, where it did.
+    /// Simulation error of the machine, if any.
     pub broke: Option<SimulationError>,
 }
 
 impl Outcome {
-    /// Whether it was found where it must be, and movement, time, pressure and end stops keep to their bounds.
+    /// Whether the fault was detected where required, and movement, time, pressure and end-stop force keep
+    /// to their bounds.
     pub fn is_within_bounds(&self) -> bool {
         let in_time = match (self.cause, self.time_bound) {
             (Some(_), Some(bound)) => self.safe_after.is_some_and(|time| time <= bound),
             _ => true,
         };
-        // a load that nothing holds may come to its end stop
+        // a load without support may reach its end stop
         let may_touch =
             matches!(self.fault, Fault::ValveStuckOpen | Fault::PayloadDropped | Fault::LineBurst);
         self.broke.is_none()
@@ -127,17 +128,17 @@ impl Outcome {
     }
 }
 
-/// A case takes no longer than its course and this \[s\]: a release, a stop, and two seconds more.
+/// Largest duration of a case in excess of its course \[s\]: a release, a stop and two seconds.
 const LONGEST: f64 = 45.0;
-/// A second fault comes so long after the first one \[s\].
+/// Time from the first to the second fault \[s\].
 const SECOND_AFTER: f64 = 0.02;
-/// A safe machine is watched for so long \[s\].
+/// Observation time after the safe state is reached \[s\].
 const WATCHED: f64 = 2.0;
-/// Position of the pilots, and motor speed \[rev/s\], below which the machine is safe.
+/// Pilot position, and motor speed \[rev/s\], below which the machine is safe.
 const SAFE: (f64, f64) = (0.05, 0.2);
 
-/// A course on its way, in simulated time, up to the moment at which something is to go wrong: what
-/// is the same for every fault, and is run once.
+/// Course run in simulated time up to the moment of injection. It is the same for every fault and simulated
+/// once.
 pub struct Underway {
     run: Lockstep,
     operator: Operator,
@@ -149,21 +150,21 @@ pub struct Underway {
     moment: Moment,
     /// Control period \[s\].
     period: f64,
-    /// Periods that are left at most.
+    /// Remaining number of periods.
     left: u32,
     course_time: Option<f64>,
-    /// What stopped the course before anything went wrong, if it did.
+    /// Cause that stopped the course before the injection, if any.
     stopped: Option<Cause>,
-    /// Why the machine broke before anything went wrong, if it did.
+    /// Simulation error before the injection, if any.
     broke: Option<SimulationError>,
 }
 
 impl Underway {
-    /// Runs the course up to the moment.
+    /// Runs the course up to the moment of injection.
     ///
     /// # Errors
     ///
-    /// [`SetupError`] when the cranes cannot be built, or there are no limits for the model.
+    /// [`SetupError`] if a crane cannot be built or the model has no supervision limits.
     pub fn until(
         model: &Description,
         machine: &Description,
@@ -207,7 +208,8 @@ impl Underway {
         Ok(way)
     }
 
-    /// Whether the moment has come, after so many periods in which the pump has filled its side.
+    /// Whether the moment of injection has come. `turning`: periods in which the pump has pre-loaded its
+    /// side.
     fn has_come(&self, turning: u32) -> bool {
         match self.moment.course_time(&self.motion) {
             Some(time) => self.course_time.is_some_and(|now| now >= time),
@@ -215,13 +217,13 @@ impl Underway {
         }
     }
 
-    /// What stopped the course before anything went wrong, if it did.
+    /// Cause that stopped the course before the injection, if any.
     pub fn stopped(&self) -> Option<Cause> {
         self.stopped
     }
 
-    /// What comes of a fault, and of another one on top of it, from here to the end of the course or
-    /// two seconds of safety.
+    /// Injects a fault, and a second one if given. Simulates to the end of the course or two seconds of the
+    /// safe state.
     pub fn inject(&self, fault: Fault, second: Option<Fault>) -> Outcome {
         let bounds = self.bounds(fault, second);
         let mut outcome = Outcome {
@@ -299,7 +301,8 @@ impl Underway {
             if done && is_safe(&truth) {
                 outcome.safe_after.get_or_insert(f64::from(since + 1) * self.period);
             }
-            // a machine that cannot become safe, its valve stuck say, is watched all the same
+            // a machine that cannot reach the safe state, with its valve stuck for instance, is observed as
+            // long
             watched += u32::from(done && record.decision.is_at_rest());
         }
         if outcome.cause.is_none() {
@@ -308,8 +311,8 @@ impl Underway {
         outcome
     }
 
-    /// Movement and time to be expected: how long the fault may go unfound, how fast the piston is
-    /// meanwhile, and what the stop takes.
+    /// Bounds of movement and time. They follow from the detection time, the piston's speed meanwhile, and
+    /// the stopping time.
     fn bounds(&self, fault: Fault, second: Option<Fault>) -> Bounds {
         let (l, n) = (&self.limits, &self.machine.numbers);
         let speed = self.motion.speed * self.moment.share_of_speed();
@@ -319,21 +322,22 @@ impl Underway {
         };
         let until_found = detection_time(fault, l);
         let swing = speed * l.still.1 / std::f64::consts::TAU;
-        // the valve, and the motor's way to zero
+        // closing time of the valve, or the motor's ramp to zero
         let stop = l.valve_time.max(l.motor_speed / l.motor_slew) + l.stop_time;
-        // until it is found, the piston strays as far as tracking allows, or a course goes on
+        // until detection the piston deviates by at most the tracking limit, or the course continues
         let strays = match until_found {
             Some(time) => (self.motion.speed * (time + l.valve_time)).min(tracking + l.creep),
             None => tracking + l.creep,
         };
-        // a lift for the proof, and the boom that springs up when its load falls off or oil runs out
+        // the lift in the proof of the release, and the boom's spring-back when the load falls off or oil
+        // is lost
         let lift = l.release.largest_motion + l.creep;
         let spring = match fault {
             Fault::PayloadDropped | Fault::LineBurst => self.spring_back(),
             _ => 0.0,
         };
         let uncommanded = match fault {
-            // behind a shut valve nothing but the drive's own power stop ends what it lifts
+            // behind a shut valve only the drive's own power stop ends the motion of an uncommanded drive
             Fault::DriveLifts | Fault::DriveLowers => {
                 let turned = 5.0 * l.speed_per_motor_speed;
                 turned * (until_found.unwrap_or(0.0) + stop + WATCHED)
@@ -346,14 +350,15 @@ impl Underway {
             fault,
             Fault::ValveStuckOpen | Fault::DriveLifts | Fault::DriveLowers | Fault::DriveReversed
         );
-        // a control task that is held up finds and stops later
+        // a suspended control task detects the fault and stops later
         let held_up = match (fault, second) {
             (Fault::ControlStopped(time), _) => f64::from(time) * 1e-3,
             (Fault::ControlStarved, _) | (_, Some(Fault::ControlStarved)) => 26.0 * l.period,
             _ => 0.0,
         };
         let second_after = if second.is_some() { SECOND_AFTER } else { 0.0 };
-        // a machine that is not enabled yet waits for plausible readings before it gives up
+        // a machine that is not enabled yet waits for plausible measurements before the supervisor reports
+        // a fault
         let waits = if self.moment == Moment::BeforeStart { l.wait_time } else { 0.0 };
         let time = until_found
             .filter(|_| !takes_away)
@@ -361,15 +366,15 @@ impl Underway {
         Bounds { movement, time }
     }
 
-    /// Whether the second fault keeps the first one from showing: without an operator a machine that has
-    /// not been started does nothing, and a control task that is starved twice is never executed.
+    /// Whether the second fault masks the first. Without an operator a machine that was not started stays
+    /// idle, and a control task starved twice is never executed.
     fn is_unseen(&self, fault: Fault, second: Option<Fault>) -> bool {
         let is_idle = self.moment == Moment::BeforeStart && second == Some(Fault::OperatorGone);
         is_idle || second == Some(fault)
     }
 
-    /// The limit, and what a load adds that is stopped at speed by trapped oil: it compresses the stiff
-    /// chamber by the way v/ω of its swing \[Pa\].
+    /// Upper bound of the pressure \[Pa\]: the limit, and the rise when trapped oil stops the load at speed
+    /// v. The stiff chamber is compressed by the oscillation's amplitude v/ω.
     fn pressure_bound(&self) -> f64 {
         let (l, n) = (&self.limits, &self.machine.numbers);
         let way = self.motion.speed * l.still.1 / std::f64::consts::TAU;
@@ -377,8 +382,8 @@ impl Underway {
         l.pressure + n.bulk_modulus_max * area * way / n.dead_volume_a
     }
 
-    /// How far the piston springs up when its load falls off: the oil of both volumes expands to the
-    /// pressure of the empty boom, twice as far while it swings \[m\].
+    /// Spring-back of the piston when the load falls off \[m\]. The oil of both volumes expands to the
+    /// pressure of the empty boom; the overshoot doubles the distance.
     fn spring_back(&self) -> f64 {
         let n = &self.machine.numbers;
         let cylinder = self.machine.cylinder();
@@ -396,20 +401,20 @@ impl Underway {
     }
 }
 
-/// Expected movement \[m\] and time \[s\].
+/// Bounds of movement \[m\] and time \[s\].
 struct Bounds {
     movement: f64,
     time: Option<f64>,
 }
 
-/// Time after which a fault is found at the latest while the load moves \[s\]; none where that hangs on
-/// how far the piston strays, or nothing is to be found.
+/// Upper bound of the detection time while the load moves \[s\]; none if detection depends on the piston's
+/// deviation, or is not required.
 fn detection_time(fault: Fault, l: &Limits) -> Option<f64> {
     let periods = 3.0 * l.period;
     match fault {
         Fault::Sensor(_, Sensor::NotANumber) => Some(periods),
         Fault::MachineKilled | Fault::MachinePaused => Some(l.stale + periods),
-        // its valve was shut for a moment, which pump side and cylinder show
+        // the valve was shut for a moment, which the pressures of pump side and cylinder reveal
         Fault::MachineRestarted => Some(l.stale + l.valve_time + l.pressure_agreement.1 + periods),
         Fault::OperatorGone | Fault::EmergencyStop | Fault::ClockJump => Some(periods),
         Fault::ControlStopped(time) => Some(f64::from(time) * 1e-3 + periods),
@@ -418,10 +423,10 @@ fn detection_time(fault: Fault, l: &Limits) -> Option<f64> {
     }
 }
 
-/// Whether the supervisor must find a fault that begins at a moment.
+/// Whether the supervisor must detect a fault that begins at a moment.
 ///
-/// Not to be found are signals that are late or, of the motor speed, noisy; what a copy of a pressure or a
-/// faulty part does not show while the machine does not need it; and interruptions that nothing has felt.
+/// Detection is not required for delayed signals and noise of the motor speed. Nor is it required for
+/// faults that do not show while the machine does not use the part, nor for interruptions without effect.
 fn must_be_found(fault: Fault, moment: Moment) -> bool {
     let acts = moment != Moment::BeforeStart;
     match fault {
@@ -431,7 +436,7 @@ fn must_be_found(fault: Fault, moment: Moment) -> bool {
             !matches!(wrong, WrongPressure::LoadCopiesPump | WrongPressure::PumpCopiesLoad)
         }
         Fault::Position(wrong) => wrong != WrongPosition::Gain5,
-        // an empty hook is a load as well
+        // before the start an empty hook is a valid load
         Fault::PayloadDropped => acts,
         Fault::MachinePaused | Fault::OperatorGone | Fault::ClockJump => acts,
         Fault::ControlStopped(time) => acts && time >= 60,
@@ -452,10 +457,10 @@ fn must_be_found(fault: Fault, moment: Moment) -> bool {
     }
 }
 
-/// Place of the motor speed in a reading.
+/// Index of the motor speed in a measurement.
 const MOTOR_SPEED: usize = 6;
 
-/// Whether the machine is safe: its pilots without pressure, its motor at rest.
+/// Whether the machine is in the safe state: pilots without pressure, motor at rest.
 fn is_safe(truth: &Truth) -> bool {
     truth.pilot < SAFE.0 && truth.motor_speed.abs() < SAFE.1
 }

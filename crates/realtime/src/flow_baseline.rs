@@ -1,5 +1,5 @@
-//! A machine's own delivered flow, recorded in one good cycle: a baseline for the monitor of position
-//! against delivered flow. It is recorded on request, and never changes by itself.
+//! Baseline of a machine's delivered flow, recorded in one healthy cycle. It narrows the monitor that
+//! compares position with delivered flow. A baseline is recorded on request only and does not adapt.
 
 use crate::control_task::Record;
 use hydroboom_control::supervision::flow_monitor::{
@@ -12,30 +12,30 @@ use serde_json::{Value, json};
 use std::path::Path;
 use thiserror::Error;
 
-/// Share by which the gain of one machine may differ from its baseline: it warms, and its oil
-/// dissolves air. The virtual crane differs by 0.3 % from cycle to cycle.
+/// Relative tolerance of the flow gain around its baseline: the machine warms up, and its oil dissolves
+/// air. The virtual crane varies by 0.3 % between cycles.
 const GAIN_CHANGE: f64 = 0.01;
-/// Factor by which its leakage may differ either way: viscosity halves within 20 degrees.
+/// Factor of tolerance of the leakage in both directions: viscosity halves within 20 K.
 const LEAKAGE_CHANGE: f64 = 2.0;
-/// m³/(rev Pa) in a cm³/(rev bar).
+/// m³/(rev Pa) per cm³/(rev bar).
 const SLIP: f64 = 1e-11;
-/// Regularisation of the scaled normal equations.
+/// Tikhonov regularisation of the scaled normal equations.
 const RIDGE: f64 = 1e-9;
-/// A baseline needs so much travel to and fro \[m\].
+/// Smallest travel of the piston for a baseline \[m\].
 const LEAST_TRAVEL: f64 = 0.1;
 
-/// A recorded baseline.
+/// Recorded baseline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlowBaseline {
-    /// Volume that arrives for each displaced one, k.
+    /// Flow gain k: volume that reaches the cylinder per displaced volume \[1\].
     pub gain: f64,
-    /// Leakage over its described value, λ.
+    /// Leakage factor λ: leakage over its value in the crane file \[1\].
     pub leakage: f64,
-    /// Slip that grows with speed, c \[m³/(rev Pa)\].
+    /// Speed-dependent slip coefficient c \[m³/(rev Pa)\].
     pub slip: f64,
-    /// What gain, leakage and slip leave unexplained, RMS \[m\] of piston travel.
+    /// RMS residual of the fit, as piston travel \[m\].
     pub residual: f64,
-    /// Seconds since 1970 when it was recorded.
+    /// Time of recording \[s since 1970\].
     pub recorded_at: u64,
     /// Digest of the crane file's values.
     pub digest: String,
@@ -44,33 +44,34 @@ pub struct FlowBaseline {
 /// Longest file that is read \[B\].
 const LONGEST: u64 = 1_000_000;
 
-/// Why there is no baseline.
+/// Error of recording or reading a baseline.
 #[derive(Debug, Error)]
 pub enum BaselineError {
     /// The file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The file is none, or of another crane.
+    /// The file is not a baseline, or belongs to another crane.
     #[error("{path}: {reason}")]
     Other {
         /// Its path.
         path: String,
-        /// What is wrong, and what to do.
+        /// Reason, and what to do.
         reason: String,
     },
-    /// The cycle was not good, or too short.
+    /// The cycle was stopped or is too short.
     #[error("no baseline: {0}")]
     Cycle(String),
 }
 
 impl FlowBaseline {
-    /// The baseline of a course that went well, from its records.
+    /// Baseline of a completed course from its records.
     ///
-    /// Least squares of the oil's balance, `A Δx + C = k V − λ L − c P`, over all readings.
+    /// Least squares over all measurements of the volume balance `A Δx + C = k V − λ L − c P`. The terms
+    /// are swept volume, compressed volume, displaced volume, leakage and slip.
     ///
     /// # Errors
     ///
-    /// [`BaselineError::Cycle`] when the course was stopped, or the piston did not move enough.
+    /// [`BaselineError::Cycle`] if the course was stopped or the travel is too small.
     pub fn of_course(
         model: &Description,
         monitor: &FlowMonitor,
@@ -103,13 +104,13 @@ impl FlowBaseline {
         if swept < LEAST_TRAVEL * monitor.area {
             return cycle("the piston moved less than 100 mm");
         }
-        // y = k V − λ L − c P, each column scaled to length one
+        // y = k V − λ L − c P, each column scaled to unit length
         let columns = |row: &[f64; 4]| [row[1], -row[2], -row[3]];
         let length: [f64; 3] = std::array::from_fn(|i| {
             let squares: f64 = rows.iter().map(|row| columns(row)[i].powi(2)).sum();
             squares.sqrt().max(f64::MIN_POSITIVE)
         });
-        // a crane file without leakage leaves a column of zeros: the ridge keeps its factor at zero
+        // a crane file without leakage gives a column of zeros: the regularisation keeps its factor at zero
         let mut matrix: [[f64; 3]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| if i == j { RIDGE } else { 0.0 }));
         let mut factors = [0.0; 3];
@@ -126,7 +127,7 @@ impl FlowBaseline {
             return cycle("the readings do not determine it");
         }
         let [gain, leakage, slip]: [f64; 3] = std::array::from_fn(|i| factors[i] / length[i]);
-        // noise can leave a leakage that is hardly there below zero
+        // noise can make a small leakage negative
         let leakage = leakage.max(0.0);
         let off = |row: &[f64; 4]| row[0] - gain * row[1] + leakage * row[2] + slip * row[3];
         let squares: f64 = rows.iter().map(|row| off(row).powi(2)).sum();
@@ -146,7 +147,7 @@ impl FlowBaseline {
         }
     }
 
-    /// The monitor against this baseline.
+    /// The monitor with its ranges narrowed to this baseline.
     pub fn narrowed(&self, monitor: FlowMonitor) -> FlowMonitor {
         let gain =
             Range { low: self.gain * (1.0 - GAIN_CHANGE), high: self.gain * (1.0 + GAIN_CHANGE) };
@@ -154,7 +155,7 @@ impl FlowBaseline {
         let leakage = Range { low: leakage[0].min(leakage[1]), high: leakage[0].max(leakage[1]) };
         let slip = [self.slip / LEAKAGE_CHANGE, self.slip * LEAKAGE_CHANGE];
         let slip = Range { low: slip[0].min(slip[1]), high: slip[0].max(slip[1]) };
-        // a baseline narrows the crane file's ranges, and never widens them
+        // a baseline narrows the crane file's ranges and never widens them
         let within = |range: Range, of: Range| Range {
             low: range.low.max(of.low).min(of.high),
             high: range.high.min(of.high).max(of.low),
@@ -171,7 +172,7 @@ impl FlowBaseline {
         (seconds_since_1970().saturating_sub(self.recorded_at)) as f64 / 86_400.0
     }
 
-    /// What cannot be of the numbers, if anything.
+    /// Message for the first number that is out of range, if any.
     fn impossible(&self) -> Option<String> {
         let all = [
             ("flow_gain", self.gain, 0.3, 1.3),
@@ -184,7 +185,7 @@ impl FlowBaseline {
         )
     }
 
-    /// As JSON.
+    /// JSON text of the baseline.
     pub fn text(&self) -> String {
         let value = json!({
             "flow_gain": self.gain, "leakage_factor": self.leakage,
@@ -198,7 +199,8 @@ impl FlowBaseline {
     ///
     /// # Errors
     ///
-    /// [`BaselineError`] when there is none, its numbers cannot be, or it is of another crane.
+    /// [`BaselineError`] if the file cannot be read, a number is out of range, or it belongs to another
+    /// crane.
     pub fn read(model: &Description, path: &Path) -> Result<Self, BaselineError> {
         let name = path.display().to_string();
         let text = hydroboom_files::text(path, "baseline", LONGEST)?;

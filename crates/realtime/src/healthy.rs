@@ -1,4 +1,4 @@
-//! Healthy machines: a course from the held load to the held load, on which nothing may stop it.
+//! False-alarm test: courses on healthy machines, from held load to held load, which no fault may stop.
 
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
@@ -13,35 +13,34 @@ use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
 use std::sync::Arc;
 
-/// What a course on a healthy machine came to.
+/// Result of a course on a healthy machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HealthyRun {
-    /// What stopped it, if anything.
+    /// Cause that stopped the course, if any.
     pub cause: Option<Cause>,
-    /// Time of the course when it was stopped \[s\]; none before the load was released.
+    /// Course time of the stop \[s\]; none before the load was released.
     pub stopped_at: Option<f64>,
-    /// Whether the machine itself had left its limits then: the piston too far from its reference, faster
-    /// than its pump can drive it or too close to an end stop, or a pressure too high. Such a stop is the
-    /// controller's doing and no false alarm.
+    /// Whether the machine itself had exceeded a limit at the stop: tracking error, piston speed, distance
+    /// to an end stop, or a pressure. Such a stop is caused by the controller and is no false alarm.
     pub limit_exceeded: bool,
     /// Duration of the release \[s\].
     pub release_time: f64,
-    /// How far the release lifted the load, and how far it sank until the course began \[m\].
+    /// Largest lift of the load during the release, and largest drop until the course began \[m\].
     pub release_motion: (f64, f64),
-    /// Why the simulated machine broke, where it did.
+    /// Simulation error of the machine, if any.
     pub broke: Option<SimulationError>,
 }
 
-/// A course takes no longer than its path and this \[s\].
+/// Largest duration of a course in excess of its trajectory \[s\].
 const LONGEST: f64 = 60.0;
-/// Share of a limit that the machine itself reaches where what is read of it reaches the limit.
+/// Share of a limit that the true quantity reaches where its measurement reaches the limit.
 const LIMIT_FRACTION: f64 = 0.9;
 
-/// Runs a path on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
+/// Runs a trajectory on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
 ///
 /// # Errors
 ///
-/// [`SetupError`] when a crane cannot be set up.
+/// [`SetupError`] if a crane cannot be built.
 pub fn healthy_run(
     model: &Description,
     machine: &Description,
@@ -81,7 +80,7 @@ pub fn healthy_run(
             }
         };
         trouble.pass();
-        // what is read of the piston's velocity is a mean over twenty readings
+        // the supervisor's piston velocity is a mean over twenty measurements
         let velocity = run.truth().outputs.velocity.abs();
         fastest_of_late = velocity.max(fastest_of_late - velocity_step);
         if record.decision.releasing {

@@ -1,4 +1,4 @@
-//! The machine's side of the shared memory: a virtual crane that plays the machine in real time.
+//! Virtual crane as the machine in a process of its own, attached through shared memory, in real time.
 
 use crate::lockstep::Disturbance;
 use crate::machine::Incoming;
@@ -11,25 +11,25 @@ use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// Without one for so long its process ends \[s\].
+/// Time without a command after which the process ends \[s\].
 const ABANDONED: f64 = 10.0;
 
 /// Core and priority of the machine's process.
 const CORE: usize = 0;
 const PRIORITY: i32 = 60;
 
-/// Plays the machine, a crane as described, until nobody commands it any more.
+/// Simulates the machine in real time until commands have ceased for ten seconds.
 ///
 /// # Errors
 ///
-/// [`SimulationError`] when the crane breaks.
+/// [`SimulationError`] if the simulation of the crane fails.
 pub fn host(
     mut crane: VirtualCrane,
     description: &Description,
     shared: &Shared,
 ) -> Result<(), SimulationError> {
-    // a machine waits for nobody: as far as the system lets it, it comes before ordinary processes, and
-    // after the control task, whose core it shares
+    // a machine runs in real time: its priority is above ordinary processes and below the control task,
+    // whose core it shares; without privileges it runs at ordinary priority
     let _ = pin_to(CORE).and_then(|()| run_first(PRIORITY));
     let period = (crane.period() * 1e9).round() as u64;
     let held = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
@@ -67,11 +67,11 @@ pub fn host(
         if age > description.numbers.supervision_watchdog {
             command = held;
         }
-        // what was asked for cannot be built: then nothing is done to it
+        // a fault that cannot be built has no effect on the machine
         let _ = trouble.machine(&mut crane);
         trouble.pass();
         crane.advance(&trouble.drive(command))?;
-        // a machine that fell far behind goes on from now, as after a pause
+        // a machine with a large delay continues from the present time, as after a pause
         let behind = now().saturating_sub(release);
         if behind > 100 * period {
             release += behind;

@@ -1,15 +1,15 @@
-//! The executive: the simulation runs beside the machine, 50 us a step, and the controller uses it
-//! every millisecond.
+//! Executive: runs the simulation beside the machine in steps of 50 us, and the controller once every
+//! millisecond.
 //!
 //! ```text
-//! machine  -reading->  control task (1 ms)  -pump speed->  simulation task (50 us)
-//!          <-command-  supervisor, strategy <-simulated-
+//! machine  --measurement-->  control task (1 ms)   --pump speed-->  simulation task (50 us)
+//!          <---command-----  supervisor, strategy  <--state-------
 //! ```
 //!
-//! The tasks know no clock and no thread. [`executive`] runs them in real time, each on a core of its
-//! own; [`lockstep`] in simulated time, every time the same.
+//! The tasks contain no clock and no thread. [`executive`] runs them in real time, each on a core of its
+//! own. [`lockstep`] runs them in simulated time with bit-identical repetition.
 
-// what runs in the control cycle cannot panic
+// code of the control cycle must not panic
 #![deny(
     clippy::disallowed_methods,
     clippy::expect_used,

@@ -1,4 +1,5 @@
-//! A machine over the local interface in simulated time: one measurement, one command, and no clock but the number of periods.
+//! Machine on the local interface in simulated time: one measurement, one command per period. The clock is
+//! the number of periods.
 
 use crate::bus_task::BusTask;
 use crate::control_task::{ControlTask, Period, Record};
@@ -13,33 +14,34 @@ use crate::simulation_task::SimulationTask;
 use hydroboom_virtual_crane::Truth;
 use std::convert::Infallible;
 
-/// A machine that sends nothing for so long is silent \[ns of the computer's clock\]; simulated time then goes on without it.
+/// Time without a measurement after which the machine is silent \[ns of the computer's clock\]. Simulated
+/// time then continues without it.
 const SILENT: u64 = 2_000_000_000;
-/// For a machine that was silent it is waited so long in each period \[ns\].
+/// Waiting time per period for a machine that is already silent \[ns\].
 const STILL_SILENT: u64 = 1_000_000;
 
-/// The tasks beside a machine in another process.
+/// Control task and simulation with a machine in another process.
 pub struct LocalLockstep {
     control: ControlTask,
     simulation: SimulationTask,
     machine: LocalMachine,
-    /// The controller's end.
+    /// Bus task, which owns the controller's endpoint.
     pub bus: BusTask,
     /// Control period \[s\].
     period: f64,
-    /// Steps of the simulation in it.
+    /// Simulation steps per control period.
     steps: u32,
-    /// Periods since the beginning.
+    /// Periods since the start.
     periods: u64,
-    /// A machine that sends nothing for so long is silent \[ns of the computer's clock\].
+    /// Time without a measurement after which the machine is silent \[ns of the computer's clock\].
     time_out: u64,
-    /// Number of the newest measurement, and periods since it in which none came.
+    /// Number of the newest measurement, and periods since it without a measurement.
     number: u64,
     silent: u64,
 }
 
 impl LocalLockstep {
-    /// The tasks beside a machine, with periods of simulation and control \[s\].
+    /// Tasks with a machine. The periods are those of simulation and control \[s\].
     pub fn new(
         (control, simulation): (ControlTask, SimulationTask),
         (bus, machine): (BusTask, LocalMachine),
@@ -59,13 +61,14 @@ impl LocalLockstep {
         }
     }
 
-    /// The same without waiting: for a machine in this thread, which has sent its measurement before, or does not send one.
+    /// The same without waiting, for a machine in this thread: its measurement is either there already or
+    /// lost.
     #[must_use]
     pub fn without_waiting(self) -> Self {
         Self { time_out: 0, ..self }
     }
 
-    /// A period in which the control task stands still, and the bus task does not.
+    /// Period in which the control task is suspended and the bus task is not.
     pub fn stalled_period(&mut self) {
         let clock = self.next_period();
         self.wait(clock);
@@ -78,13 +81,13 @@ impl LocalLockstep {
         (self.periods as f64 * self.period * 1e9).round() as u64
     }
 
-    /// One control period: a measurement, as soon as it is there, and the command that answers it.
+    /// One control period: waits for a measurement and sends the command that answers it.
     pub fn period(&mut self, operator: &mut Operator, desk: &Desk) -> Record {
         let clock = self.next_period();
         self.wait(clock);
         let incoming = self.machine.read();
         let number = incoming.map_or(self.number, |incoming| incoming.measurement.number);
-        // of a measurement that was lost the machine's time has passed all the same
+        // a lost measurement still advances the machine's time by a period
         let passed = match number.saturating_sub(self.number) {
             0 => 1,
             more => more.saturating_sub(self.silent).max(1),
@@ -112,13 +115,13 @@ impl LocalLockstep {
         record
     }
 
-    /// Waits for a measurement.
+    /// Waits for a measurement until the time-out.
     fn wait(&mut self, clock: u64) {
         let most = if self.silent > 0 { self.time_out.min(STILL_SILENT) } else { self.time_out };
         let until = now() + most;
         loop {
             self.bus.receive(clock);
-            // the first one may have come before the run began
+            // the first measurement may have arrived before the run began
             let newest = self.machine.read();
             let left = until.saturating_sub(now());
             if left == 0 || newest.is_some_and(|it| it.measurement.number != self.number) {
@@ -140,7 +143,7 @@ impl Periods for LocalLockstep {
         match order {
             Order::Course(course) => self.control.take(course),
             Order::Synchronise(at) => self.simulation.synchronise(&at),
-            // nobody here can do anything to that machine
+            // faults cannot be injected into an external machine
             Order::Tamper(_) => {}
         }
     }

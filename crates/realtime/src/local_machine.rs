@@ -1,5 +1,5 @@
-//! A machine in another process, over the local interface: the control task's side touches atomics only, and a
-//! [bus task](crate::bus_task) speaks with the machine.
+//! Machine in another process on the local interface. The control task's side accesses atomics only; a [bus
+//! task](crate::bus_task) exchanges the datagrams.
 
 use crate::machine::{Delay, Incoming, Link, Machine, Outgoing};
 use crate::shared::{validity_of, valve_state, valve_word};
@@ -12,32 +12,34 @@ use hydroboom_machine_interface::signal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Words of a measurement: number, time of sampling \[ns\], state, code of the fault, valve, validities, seven signals, then what the
-/// attachment tells: lost, dropped, whether delays are known, both delays, whether commands are lost.
+/// Number of words of a measurement. They are number, sampling time \[ns\], state, fault code, valve,
+/// validities and seven signals. Then follow lost, dropped, whether delays are known, both delays, and
+/// whether commands are lost.
 const MEASUREMENT: usize = 19;
-/// Words of a command: number, whether it answers a measurement, that measurement's time of sampling \[ns\], enabled, motor speed, valve.
+/// Number of words of a command: number, whether it answers a measurement, that measurement's sampling time
+/// \[ns\], enabled, motor speed, valve.
 const COMMAND: usize = 6;
 
-/// Between the control task and the bus task.
+/// Data exchanged between control task and bus task.
 #[derive(Debug, Default)]
 pub(crate) struct Exchange {
     measurement: Slot<MEASUREMENT>,
     command: Slot<COMMAND>,
-    /// Whether the bus task holds the load for want of commands.
+    /// Whether the bus task holds the load because commands are missing.
     pub(crate) holds: AtomicBool,
 }
 
-/// A command as the bus task finds it.
+/// Command as read by the bus task.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Written {
     pub(crate) sequence: u64,
-    /// Time of sampling \[ns\] of the measurement that it answers.
+    /// Sampling time of the measurement that it answers \[ns\].
     pub(crate) answers: Option<u64>,
     pub(crate) outgoing: Outgoing,
 }
 
 impl Exchange {
-    /// For the bus task: a measurement that was accepted.
+    /// For the bus task: publishes an accepted measurement.
     pub(crate) fn publish(&self, number: u64, measurement: &datagram::Measurement, link: &Link) {
         let axis = &measurement.axes[0];
         let validity = axis.validity.iter().rev().fold(0, |word, v| (word << 2) | *v as u64);
@@ -71,7 +73,7 @@ impl Exchange {
         ]);
     }
 
-    /// For the bus task: the newest command.
+    /// For the bus task: newest command.
     pub(crate) fn command(&self) -> Option<Written> {
         let (_, [sequence, is_answer, sampled, enabled, speed, valve]) = self.command.read()?;
         let axis = AxisCommand {
@@ -84,11 +86,11 @@ impl Exchange {
     }
 }
 
-/// The control task's side.
+/// Control task's side of the local interface.
 #[derive(Debug)]
 pub struct LocalMachine {
     exchange: Arc<Exchange>,
-    /// Time of sampling of the measurement that was read last \[ns\].
+    /// Sampling time of the measurement read last \[ns\].
     sampled: Option<u64>,
 }
 
@@ -98,7 +100,7 @@ impl LocalMachine {
     }
 }
 
-/// State of a machine by its number in a datagram, with the code of its fault.
+/// State of a machine from its number in a datagram, with its fault code.
 fn status(state: u64, code: u64) -> MachineStatus {
     match u8::try_from(state).ok().and_then(signal::MachineState::of) {
         Some(signal::MachineState::Starting) => MachineStatus::Starting,
@@ -119,7 +121,7 @@ impl Machine for LocalMachine {
         let validity = validity_of(validities);
         let mut values = [a, b, c, d, e, f, g].map(f64::from_bits);
         for (value, validity) in values.iter_mut().zip(validity.to_array()) {
-            // what is not measured, or beyond its sensor, is no number, whatever stands in its place
+            // an absent or out-of-range signal becomes NaN, whatever value it carries
             if matches!(validity, Validity::Absent | Validity::OutOfRange) {
                 *value = f64::NAN;
             }

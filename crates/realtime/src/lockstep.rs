@@ -1,5 +1,5 @@
-//! The executive in simulated time: the same tasks in one thread, each in its turn, as fast as it
-//! goes and every time the same.
+//! Executive in simulated time: the same tasks in turn in one thread, as fast as the computer allows and
+//! bit-identical in every repetition.
 
 use crate::control_task::{ControlTask, Period, Record};
 use crate::course::Course;
@@ -25,25 +25,25 @@ use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::{Truth, VirtualCrane};
 use std::sync::Arc;
 
-/// What may go wrong between the tasks and the machine. By default nothing does.
+/// Disturbances of the tasks, the machine and their connection. The default methods disturb nothing.
 pub trait Disturbance {
-    /// What arrives of a reading, if anything.
+    /// Measurement that arrives; none if it is lost.
     fn reading(&mut self, incoming: Incoming) -> Option<Incoming> {
         Some(incoming)
     }
-    /// What arrives of a command; none: nothing does, and the machine's own watchdog holds the load.
+    /// Command that arrives; none if it is lost. The machine's own watchdog then holds the load.
     fn command(&mut self, command: AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         Some(command)
     }
-    /// What drive and valve do of the command that acts on them.
+    /// Command that drive and valve execute, given the command that acts on them.
     fn drive(&mut self, command: AxisCommand<f64>) -> AxisCommand<f64> {
         command
     }
-    /// How many of the simulation's steps are taken.
+    /// Number of simulation steps that are executed.
     fn steps(&mut self, due: u32) -> u32 {
         due
     }
-    /// Whether somebody attends.
+    /// Whether an operator is present.
     fn attended(&mut self) -> bool {
         true
     }
@@ -51,26 +51,26 @@ pub trait Disturbance {
     fn clock_jumped(&mut self) -> bool {
         false
     }
-    /// Whether the control task is held up in this period: it is not executed, and sends nothing.
+    /// Whether the control task is suspended in this period: it is not executed and sends nothing.
     fn control_is_held_up(&mut self) -> bool {
         false
     }
-    /// Does something to the machine itself.
+    /// Changes the machine itself.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when there is no such machine.
+    /// [`PlantError`] if the changed machine cannot be built.
     fn machine(&mut self, _machine: &mut VirtualCrane) -> Result<(), PlantError> {
         Ok(())
     }
 }
 
-/// Nothing goes wrong.
+/// No disturbance.
 pub struct Undisturbed;
 
 impl Disturbance for Undisturbed {}
 
-/// A run in simulated time. A copy goes on from the same moment.
+/// Run in simulated time. A copy continues from the same moment.
 #[derive(Clone)]
 pub struct Lockstep {
     control: ControlTask,
@@ -78,23 +78,23 @@ pub struct Lockstep {
     machine: VirtualCrane,
     steps: u32,
     sequence: u64,
-    /// The last command that arrived, and for how many periods none has.
+    /// Last command that arrived, and the number of periods since.
     arrived: (AxisCommand<f64>, u32),
-    /// Periods in which control was held up since its last one.
+    /// Periods for which the control task has been suspended.
     held_up: u32,
     /// Periods without a command after which the machine's own watchdog shuts it down.
     watchdog: u32,
-    /// The last record.
+    /// Last record.
     record: Option<Record>,
 }
 
 impl Lockstep {
-    /// A virtual crane with its load held and its pump without pressure, and an executive that knows
-    /// the model.
+    /// Virtual crane with its load held and its pump without pressure, and an executive that uses the
+    /// model.
     ///
     /// # Errors
     ///
-    /// [`SetupError`] when either crane cannot be built, or there are no limits for the model.
+    /// [`SetupError`] if a crane cannot be built or the model has no supervision limits.
     pub fn new(
         model: &Description,
         machine: &Description,
@@ -104,7 +104,7 @@ impl Lockstep {
         Self::along(model, machine, Arc::new(path), strategy)
     }
 
-    /// The same along a path that is shared.
+    /// The same along a shared trajectory.
     ///
     /// # Errors
     ///
@@ -133,18 +133,18 @@ impl Lockstep {
         })
     }
 
-    /// The same with a state estimator that begins with the parameters of an earlier run.
+    /// The same with a state estimator that starts with the parameters of an earlier run.
     #[must_use]
     pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
         self.control = self.control.with_retained_parameters(retained);
         self
     }
 
-    /// One control period; what was done in it.
+    /// Executes one control period and returns its record.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the machine breaks.
+    /// [`SimulationError`] if the simulation of the machine fails.
     pub fn period(
         &mut self,
         operator: &mut Operator,
@@ -153,11 +153,11 @@ impl Lockstep {
         self.disturbed_period(operator, strategy, &mut Undisturbed)
     }
 
-    /// One control period in which something may go wrong.
+    /// Executes one control period with disturbances.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the machine breaks.
+    /// [`SimulationError`] if the simulation of the machine fails.
     pub fn disturbed_period(
         &mut self,
         operator: &mut Operator,
@@ -193,7 +193,7 @@ impl Lockstep {
         Ok(record)
     }
 
-    /// A period of simulation and machine, with the command that was sent, if any.
+    /// Advances simulation and machine by one period, with the command sent, if any.
     fn move_machine(
         &mut self,
         sent: Option<AxisCommand<f64>>,
@@ -207,19 +207,19 @@ impl Lockstep {
             None if self.arrived.1 >= self.watchdog => (HELD, self.arrived.1),
             None => (self.arrived.0, self.arrived.1 + 1),
         };
-        // what was asked for cannot be built: then nothing is done to it
+        // a fault that cannot be built has no effect on the machine
         let _ = disturbance.machine(&mut self.machine);
         self.machine.advance(&disturbance.drive(self.arrived.0))
     }
 
-    /// Supervised within other limits.
+    /// The same with other supervision limits.
     #[must_use]
     pub fn within(mut self, limits: Limits) -> Self {
         self.control = self.control.within(limits);
         self
     }
 
-    /// Takes an order, but for tampering with the machine, which is a disturbance.
+    /// Executes an order. A fault to inject is returned, because it is a disturbance.
     pub fn take(&mut self, order: Order) -> Option<Tampering> {
         match order {
             Order::Course(course) => self.control.take(course),
@@ -229,12 +229,12 @@ impl Lockstep {
         None
     }
 
-    /// The machine.
+    /// Machine.
     pub fn machine(&self) -> &VirtualCrane {
         &self.machine
     }
 
-    /// What nobody sees of the machine.
+    /// True state of the machine, also of quantities that no sensor measures.
     pub fn truth(&self) -> Truth {
         self.machine.truth()
     }
@@ -242,25 +242,25 @@ impl Lockstep {
 
 const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
 
-/// How time passes.
+/// Rate of simulated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// As fast as it goes.
+    /// As fast as the computer allows.
     Free,
-    /// Not faster than the clock, so that people can follow; slower where the computer is.
+    /// At most real time, so that a person can watch.
     Clock,
 }
 
-/// Periods between two looks at what is to be handed over.
+/// Periods between two requests for orders.
 const ORDERS: u32 = 20;
-/// Periods for which the load has to rest before a run ends.
+/// Periods of a held load at rest before a run ends.
 const RESTED: u32 = 200;
 
-/// Runs a session in simulated time; what was decided last.
+/// Runs a session in simulated time and returns the last decision.
 ///
 /// # Errors
 ///
-/// [`SimulationError`] when the machine breaks.
+/// [`SimulationError`] if the simulation of the machine fails.
 pub fn run(
     lockstep: Lockstep,
     machine: &Description,
@@ -271,19 +271,20 @@ pub fn run(
     attend(&mut Disturbed { lockstep, watched }, lookout, pace)
 }
 
-/// Tasks and a machine that go on by control periods in simulated time.
+/// Tasks and machine that advance by control periods in simulated time.
 pub trait Periods {
-    /// Why they cannot go on.
+    /// Error that prevents the next period.
     type Error;
     /// Duration of a control period \[s\].
     fn duration(&self) -> f64;
-    /// Takes an order.
+    /// Executes an order.
     fn take(&mut self, order: Order);
-    /// One control period; what was true of the machine before it, where that is known, and what was done in it.
+    /// Executes one control period. Returns the true state of the machine before it, if known, and the
+    /// record.
     ///
     /// # Errors
     ///
-    /// Where they cannot go on.
+    /// [`Self::Error`] if the period cannot be executed.
     fn next(
         &mut self,
         operator: &mut Operator,
@@ -291,7 +292,7 @@ pub trait Periods {
     ) -> Result<(Option<Truth>, Record), Self::Error>;
 }
 
-/// A virtual crane that something may be done to.
+/// Virtual crane with injected faults.
 struct Disturbed<'a> {
     lockstep: Lockstep,
     watched: Watched<'a>,
@@ -323,11 +324,11 @@ impl Periods for Disturbed<'_> {
     }
 }
 
-/// Runs a session by control periods until it ends; what was decided last.
+/// Runs a session by control periods until it ends and returns the last decision.
 ///
 /// # Errors
 ///
-/// Where the periods cannot go on.
+/// The error of the period that could not be executed.
 pub fn attend<P: Periods>(
     periods: &mut P,
     lookout: Lookout<'_>,
@@ -356,14 +357,14 @@ pub fn attend<P: Periods>(
             return Ok(record.decision);
         }
         if pace == Pace::Clock {
-            // who fell behind goes on from now
+            // after a delay of more than ten periods the schedule restarts from the present time
             release = (release + period).max(now().saturating_sub(10 * period));
             wait_until(release, 0);
         }
     }
 }
 
-/// Trouble, and people at a desk.
+/// Injected faults, and the operator desk.
 struct Watched<'a> {
     trouble: Trouble,
     desk: &'a Desk,

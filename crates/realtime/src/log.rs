@@ -1,8 +1,9 @@
-//! The log: MCAP, which Foxglove and PlotJuggler open, a JSON message for every control period.
+//! Log of a run: an MCAP file, which Foxglove and PlotJuggler open, with one JSON message per control
+//! period.
 //!
-//! It is written by an ordinary thread. Every half second a chunk is ended and handed to the system:
-//! whoever is killed loses less than a second, and the file stays readable up to there. A disk that
-//! is full ends the log and nothing else.
+//! An ordinary thread writes it. Every half second a chunk is completed and passed to the operating system.
+//! If the process is killed, less than a second is lost, and the file stays readable up to there. A full
+//! disk ends the log and leaves the run unaffected.
 
 use crate::control_task::Record;
 use crate::posix::survive_large_files;
@@ -29,41 +30,41 @@ use thiserror::Error;
 const CHUNK: f64 = 0.5;
 const TOPIC: &str = "/control";
 
-/// Why there is no log.
+/// Error of writing or reading a log.
 #[derive(Debug, Error)]
 pub enum LogError {
-    /// The file cannot be made or read.
+    /// The file cannot be created or read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// It cannot be written any more.
+    /// Writing failed.
     #[error("{path}: {error}")]
     Mcap {
-        /// Its path.
+        /// Path of the log.
         path: String,
-        /// What the library says.
+        /// Error of the MCAP library.
         error: McapError,
     },
-    /// It is to be replayed, and some of it cannot be read.
+    /// The log is damaged, and a replay needs every period.
     #[error(
         "{path} is damaged, and a replay needs every period ({reason}); `hydroboom log to-csv` reads what is left"
     )]
     Damaged {
-        /// Its path.
+        /// Path of the log.
         path: String,
-        /// What is lost.
+        /// Lost part.
         reason: String,
     },
-    /// A message that is none of ours.
+    /// A message was not written by this program.
     #[error("{path}: not a log of hydroboom run: {reason}")]
     Foreign {
-        /// Its path.
+        /// Path of the log.
         path: String,
-        /// What was found.
+        /// Deviation from the expected content.
         reason: String,
     },
 }
 
-/// Names, with units, and kinds of the fields.
+/// Names with units, and types, of the fields.
 fn fields() -> Vec<(&'static str, &'static str)> {
     let mut fields: Vec<(&str, &str)> = NUMBERS.iter().map(|(name, _)| (*name, "number")).collect();
     fields.extend([("state", "string"), ("cause", "string"), ("strategy", "string")]);
@@ -74,7 +75,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
-/// The numbers of a record, in the units of their names; none where there is nothing to say.
+/// Numbers of a record in the units of their names; none where a value does not exist.
 const NUMBERS: [Number; 57] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
@@ -144,17 +145,17 @@ const NUMBERS: [Number; 57] = [
     }),
 ];
 
-/// A length of the estimated tip \[mm\].
+/// Coordinate or length of the estimated tip \[mm\].
 fn tip(record: &Record, of: fn(&TipEstimate<f64>) -> f64) -> Option<f64> {
     record.estimates.and_then(|e| e.tip).map(|tip| of(&tip) * 1e3)
 }
 
-/// State that the machine reports of itself; empty where it reports none.
+/// State reported by the machine; empty if it reports none.
 fn machine_state(record: &Record) -> &'static str {
     record.status.map_or("", MachineStatus::name)
 }
 
-/// A log being written.
+/// Log being written.
 pub struct LogWriter {
     path: String,
     writer: Writer<NoSeek<BufWriter<Output>>>,
@@ -164,11 +165,11 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Begins a log.
+    /// Creates a log.
     ///
     /// # Errors
     ///
-    /// [`LogError`] when the file cannot be made.
+    /// [`LogError`] if the file cannot be created.
     pub fn begin(path: &Path) -> Result<Self, LogError> {
         survive_large_files();
         let name = path.display().to_string();
@@ -177,7 +178,7 @@ impl LogWriter {
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Zstd))
             .chunk_size(None)
-            // a pipe cannot be gone back in
+            // a pipe cannot seek
             .disable_seeking(true)
             .library(concat!("hydroboom ", env!("CARGO_PKG_VERSION")))
             .create(NoSeek::new(BufWriter::new(file)))
@@ -198,15 +199,15 @@ impl LogWriter {
         Ok(Self { path: name, writer, channel, count: 0, chunk_from: 0.0 })
     }
 
-    /// Adds a record.
+    /// Appends a record.
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be written; what was written stays readable.
+    /// [`LogError`] if writing fails. Earlier records stay readable.
     pub fn add(&mut self, record: &Record) -> Result<(), LogError> {
         let mut message = Map::new();
         for (name, of) in NUMBERS {
-            // JSON knows no NaN: what is none is left out
+            // JSON has no NaN: such a value is omitted
             if let Some(number) = of(record).and_then(serde_json::Number::from_f64) {
                 message.insert(name.into(), Value::Number(number));
             }
@@ -241,21 +242,22 @@ impl LogWriter {
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
     }
 
-    /// Gives the log up, and leaves what was written of it beside its place; returns where.
+    /// Abandons the log and keeps the part written so far in a file next to the target path. Returns that
+    /// file's path.
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be kept.
+    /// [`LogError`] if the part cannot be kept.
     pub fn leave(self) -> Result<PathBuf, LogError> {
         let (output, _) = self.writer.into_inner().into_inner().into_parts();
         Ok(output.leave()?)
     }
 
-    /// Ends the log.
+    /// Completes the log.
     ///
     /// # Errors
     ///
-    /// [`LogError`] when its end cannot be written.
+    /// [`LogError`] if its end cannot be written.
     pub fn finish(mut self) -> Result<(), LogError> {
         let path = self.path.clone();
         let failed = |error| LogError::Mcap { path, error };
@@ -271,7 +273,7 @@ impl LogWriter {
     }
 }
 
-/// Records as CSV, with the columns of a log.
+/// Records as CSV with the columns of a log.
 pub fn csv(records: &[Record]) -> String {
     let names: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut text = names.join(",") + "\n";
@@ -293,34 +295,37 @@ pub fn csv(records: &[Record]) -> String {
     text
 }
 
-/// One control period of a log, as far as a replay needs it.
+/// Control period of a log with the fields that a replay needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What was measured; none before the first measurement. A signal that was no number is NaN. Its time is that of the row.
+    /// Measurement; none before the first one. Signals that are absent from the log are NaN. Its time is
+    /// that of the row.
     pub measurement: Option<Measurement>,
-    /// Time of the course \[s\]; none while the load was not the controller's.
+    /// Time of the course \[s\]; none while the controller did not move the load.
     pub course_time: Option<f64>,
-    /// Largest speed of the course \[m/s\]; none while there was no time of it, and in logs from before it was logged.
+    /// Largest speed of the course \[m/s\]; none outside a course, and in logs of versions that did not
+    /// record it.
     pub course_speed: Option<f64>,
-    /// Where the piston should have been.
+    /// Set point of the piston.
     pub reference: SetPoint<f64>,
-    /// What of it was the released piston's distance from the course's beginning \[m\].
+    /// Part of the set point that is the decaying start offset \[m\].
     pub start_offset: f64,
-    /// What was sent.
+    /// Command that was sent.
     pub command: AxisCommand<f64>,
-    /// What the machine did.
+    /// State of the supervisor.
     pub state: State,
-    /// Whether a release was under way.
+    /// Whether the load was being released.
     pub releasing: bool,
     /// Time since the executive began \[s\].
     pub time: f64,
-    /// Code of the fault, or empty.
+    /// Fault code, or empty.
     pub cause: String,
-    /// The strategy at work.
+    /// Active strategy.
     pub strategy: Strategy,
 }
 
-/// Calls with every message of a log that can be read, in order, and says what was lost. A log that has no message is refused.
+/// Calls `each` with every readable message in order and returns the loss. A log without a message is an
+/// error.
 fn messages(
     path: &Path,
     mut each: impl FnMut(Value) -> Result<(), String>,
@@ -350,22 +355,22 @@ fn messages(
     Ok(loss)
 }
 
-/// A log as a table.
+/// Log as a table.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     /// Names of the columns.
     pub header: Vec<&'static str>,
-    /// A row for each control period that could be read.
+    /// One row per readable control period.
     pub rows: Vec<Vec<String>>,
-    /// What is lost, a sentence each: chunks that are damaged, an end that was cut off.
+    /// Losses, a sentence each: damaged chunks, a truncated end.
     pub remarks: Vec<String>,
 }
 
-/// A log as a table, as far as it can be read.
+/// Reads a log as a table, as far as it is readable.
 ///
 /// # Errors
 ///
-/// [`LogError`] when it cannot be read, has no control period, or is none of ours.
+/// [`LogError`] if the file cannot be read, contains no control period, or was not written by this program.
 pub fn read(path: &Path) -> Result<Table, LogError> {
     let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut rows = Vec::new();
@@ -381,11 +386,13 @@ pub fn read(path: &Path) -> Result<Table, LogError> {
     Ok(Table { header, rows, remarks: loss.remarks() })
 }
 
-/// A log's control periods, to be replayed; of a log that was cut off those before.
+/// Reads the control periods of a log for a replay. A truncated log yields the periods before the
+/// truncation.
 ///
 /// # Errors
 ///
-/// [`LogError`] when it cannot be read, is damaged, has no control period, or is none of ours.
+/// [`LogError`] if the file cannot be read, is damaged, contains no control period, or was not written by
+/// this program.
 pub fn rows(path: &Path) -> Result<Vec<Row>, LogError> {
     let mut rows = Vec::new();
     let loss = messages(path, |value| {

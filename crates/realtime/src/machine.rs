@@ -1,94 +1,96 @@
-//! The machine, as the executive sees it: what a fieldbus is attached to.
+//! Machine interface of the executive, implemented by every attachment.
 
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_control::measurement::{AXES, Measurement};
 use hydroboom_control::supervision::limits::{MachineStatus, ValveState};
 use hydroboom_control::supervision::supervisor::Decision;
 
-/// What comes from a machine in a control period.
+/// Data from a machine in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Incoming {
-    /// What its sensors show.
+    /// Sensor signals.
     pub measurement: Measurement,
-    /// State of the load-holding valve, where the machine can read it.
+    /// State of the load-holding valve, if the machine measures it.
     pub valve: Option<ValveState>,
-    /// State that it reports of itself, where it reports one.
+    /// State reported by the machine, if it reports one.
     pub status: Option<MachineStatus>,
-    /// What its attachment tells of itself, where it counts.
+    /// State of the attachment, if it counts its datagrams.
     pub link: Option<Link>,
 }
 
 impl Incoming {
-    /// Of a machine that tells its sensors and no more.
+    /// Data of a machine that reports only its sensors and the valve.
     pub fn new(measurement: Measurement, valve: Option<ValveState>) -> Self {
         Self { measurement, valve, status: None, link: None }
     }
 }
 
-/// What an attachment tells of itself.
+/// State of an attachment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Link {
-    /// Measurements that were sent and never arrived, since the session began.
+    /// Measurements sent by the machine and lost, since the session began.
     pub lost: u64,
-    /// Datagrams that were dropped, since the session began.
+    /// Dropped datagrams since the session began.
     pub dropped: u64,
     /// Delays; none before a command has acted.
     pub delay: Option<Delay>,
-    /// Whether commands do not reach the machine, or the attachment has stopped it for want of commands.
+    /// Whether commands do not reach the machine, or the attachment has stopped it because commands were
+    /// missing.
     pub commands_lost: bool,
 }
 
-/// Delays of an attachment, means over about the last quarter of a second \[cycles\].
+/// Delays of an attachment, means over about a quarter of a second \[cycles\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Delay {
-    /// From sampling to the measurement's being sent.
+    /// From sampling to sending of the measurement.
     pub measurement: f64,
-    /// From sampling to actuation: 0 where the command that answers a measurement acts before the next sampling.
+    /// From sampling to actuation: 0 if the command that answers a measurement acts before the next
+    /// sampling.
     pub total: f64,
 }
 
 impl Delay {
-    /// Of measurement and command, in whole cycles.
+    /// Delays of measurement and command in whole cycles; their sum is the total.
     pub fn cycles(&self) -> [usize; 2] {
-        // what is negative or no number counts as none
+        // a negative or NaN delay counts as zero
         let whole = |cycles: f64| cycles.max(0.0).round() as usize;
         let (total, measurement) = (whole(self.total), whole(self.measurement));
         [measurement.min(total), total.saturating_sub(measurement)]
     }
 }
 
-/// What goes to a machine in a control period.
+/// Data to a machine in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outgoing {
-    /// What drives and valves are to do.
+    /// Commands of drives and valves.
     pub command: Command,
-    /// Whether drives are to follow; else they are without torque.
+    /// Whether the drives are enabled; otherwise they are without torque.
     pub is_enabled: bool,
 }
 
 impl Outgoing {
-    /// The safe command: motor at zero, load held by its valves, drives without torque.
+    /// Safe command: motor at zero, load held by its valves, drives without torque.
     pub const SAFE: Self = Self {
         command: Command { axes: [AxisCommand { motor_speed: 0.0, holding_valve: 0.0 }; AXES] },
         is_enabled: false,
     };
 
-    /// What was decided.
+    /// Output of a decision.
     pub fn of(decision: &Decision) -> Self {
         Self { command: Command { axes: [decision.command] }, is_enabled: decision.is_enabled() }
     }
 
-    /// Whether motors are commanded to stand and loads to be held.
+    /// Whether all motors are commanded to zero and all loads to be held.
     pub fn is_safe(&self) -> bool {
         self.command == Self::SAFE.command
     }
 }
 
-/// Sensors and actuators of a machine. Both calls are made in the real-time cycle: they must not
-/// allocate, lock or wait.
+/// Sensors and actuators of a machine. The real-time cycle calls both functions: they must not allocate,
+/// lock or wait.
 pub trait Machine: Send {
-    /// The newest measurement; none before the first.
+    /// Newest data; none before the first measurement.
     fn read(&mut self) -> Option<Incoming>;
-    /// Sends a command, with a number that grows with each.
+    /// Sends a command with its sequence number, which increases with every command.
     fn write(&mut self, sequence: u64, outgoing: &Outgoing);
 }

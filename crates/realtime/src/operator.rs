@@ -1,57 +1,58 @@
-//! Who asks: brings a machine up, starts it, stops it.
+//! Operator: turns the requests at the desk into requests to the supervisor, and tracks their validity.
 //!
-//! A start is a request of an operator who is present, in [`State::Holding`], and nothing else. Until the
-//! supervisor takes it up it is dropped when the operator changes or is lost, when a stop, an emergency stop or a fault
-//! comes, when the state is another one, and a second after it was asked for. Once taken up it lives as long as
-//! the release takes.
+//! A start needs a request of a present operator in [`State::Holding`]. A start that the supervisor has not
+//! accepted is dropped in five cases. They are: the operator changes or leaves; a stop, an emergency stop
+//! or a fault occurs; the state is another one; or one second has passed. An accepted start is valid for
+//! the duration of the release.
 
 use crate::desk::{Desk, Generation};
 use hydroboom_control::supervision::supervisor::{Decision, Request, State};
 
-/// A reset waits so long for motor, valve and load to come to rest \[s\]; not for what is broken to be mended.
+/// Validity of a reset request \[s\]. It covers the time in which motor, valve and load come to rest, not
+/// the repair of a defect.
 const RESET_WITHIN: f64 = 5.0;
 
-/// An operator who wants courses run, one request after the other.
+/// Operator who requests courses, one at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct Operator {
     /// Control period \[s\].
     period: f64,
     state: State,
-    /// The generation at the desk when it was listened to last.
+    /// Generation at the desk in the last period.
     generation: Option<Generation>,
     start: Start,
-    /// Whether all shall come to rest.
+    /// Whether a stop is requested.
     pub stop: bool,
-    /// Whether all shall stand still at once; kept until the machine does.
+    /// Whether an emergency stop is requested; kept until the supervisor is in the fault state.
     pub emergency: bool,
     reset: Option<Pending>,
     has_moved: bool,
     has_stopped: bool,
 }
 
-/// A request that has not been taken up.
+/// Request that the supervisor has not accepted yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     generation: Generation,
-    /// For how long it still holds \[s\].
+    /// Remaining validity \[s\].
     left: f64,
 }
 
-/// What has become of a start.
+/// State of a start request.
 #[derive(Clone, Copy, Debug)]
 enum Start {
-    /// None is asked for.
+    /// No request.
     Nothing,
-    /// It is asked for as soon as the load is held.
+    /// Requested as soon as the load is held.
     Planned,
-    /// It is asked for.
+    /// Requested.
     Requested(Pending),
-    /// The supervisor releases the load, or has released it.
+    /// Accepted: the supervisor releases the load, or has released it.
     TakenUp,
 }
 
 impl Operator {
-    /// An operator at a desk, with a control period \[s\].
+    /// Operator at a desk; `period` is the control period \[s\].
     pub fn new(period: f64) -> Self {
         Self {
             period,
@@ -66,12 +67,13 @@ impl Operator {
         }
     }
 
-    /// An operator without a desk, with a control period \[s\], who starts one course as soon as the load is held.
+    /// Operator without a desk, who starts one course as soon as the load is held; `period` is the control
+    /// period \[s\].
     pub fn automatic(period: f64) -> Self {
         Self { start: Start::Planned, ..Self::new(period) }
     }
 
-    /// Takes what was asked for at the desk; called once a control period.
+    /// Reads the requests at the desk; called once per control period.
     pub fn listen(&mut self, desk: &Desk) {
         let (start, reset) = (desk.take_start(), desk.take_reset());
         self.emergency |= desk.take_emergency();
@@ -79,7 +81,7 @@ impl Operator {
         let generation = desk.generation();
         let is_attended = desk.is_attended();
         if self.generation.replace(generation).is_some_and(|before| before != generation) {
-            // whose motion it was is not there any more, even if another one came within the period
+            // the operator of this motion has left, even if another one took the role within the period
             self.stop |= self.state == State::Moving || matches!(self.start, Start::TakenUp);
         }
         let holds = |asked: Generation| asked == generation && is_attended;
@@ -95,7 +97,7 @@ impl Operator {
         let (asked, before) = match self.start {
             Start::Nothing => (asked, None),
             Start::Requested(pending) => (asked, pending.after(self.period)),
-            // nothing is asked for before the last start has come to its end
+            // a new start is ignored until the last one has ended
             Start::Planned | Start::TakenUp => return,
         };
         let asked = asked.map(|(generation, within)| Pending {
@@ -119,13 +121,13 @@ impl Operator {
         self.reset = asked.or(before).filter(|p| is_wanted && holds(p.generation));
     }
 
-    /// What is asked for in the coming period.
+    /// Request to the supervisor in the coming period.
     pub fn request(&self) -> Request {
         match self.state {
             _ if self.emergency => Request::EmergencyStop,
             State::Idle => Request::Enable,
             State::Fault if self.reset.is_some() => Request::Reset,
-            // also while the pump takes the load over: it is not released then
+            // a stop also applies while the pump pre-loads: the load is then not released
             State::Moving | State::Holding if self.stop => Request::Stop,
             State::Ready => Request::Hold,
             State::Holding if matches!(self.start, Start::Planned | Start::Requested(_)) => {
@@ -135,7 +137,7 @@ impl Operator {
         }
     }
 
-    /// What came of it.
+    /// Updates the requests from the decision of the supervisor.
     pub fn see(&mut self, decision: &Decision) {
         self.state = decision.state;
         self.has_moved |= decision.state == State::Moving;
@@ -148,10 +150,10 @@ impl Operator {
             (State::Idle | State::Ready, Start::Planned) => Start::Planned,
             (State::Holding, start @ (Start::Planned | Start::Requested(_))) => start,
             (State::Holding, Start::TakenUp) if decision.releasing => Start::TakenUp,
-            // what was begun is not begun again by itself
+            // a finished or refused start is not repeated
             _ => Start::Nothing,
         };
-        // what was asked for in one state is not kept for a later one
+        // a request does not survive a change of state
         if decision.state == State::Fault {
             (self.stop, self.emergency) = (false, false);
         } else {
@@ -162,7 +164,7 @@ impl Operator {
         }
     }
 
-    /// Whether there is nothing more to do: the load has been moved, or shall not be, and is held.
+    /// Whether nothing remains to be done: the load has been moved, or is not to be, and is held.
     pub fn is_done(&self) -> bool {
         match self.state {
             State::Fault => true,
@@ -173,14 +175,14 @@ impl Operator {
 }
 
 impl Pending {
-    /// The request a time later \[s\], if it still holds.
+    /// The request after `time` \[s\]; none if it has expired.
     fn after(self, time: f64) -> Option<Self> {
         let left = self.left - time;
         (left > 0.0).then_some(Self { left, ..self })
     }
 }
 
-/// Whether the supervisor releases the load, or has released it.
+/// Whether the supervisor has accepted a start: it releases the load, or has released it.
 fn is_taken_up(decision: &Decision) -> bool {
     match decision.state {
         State::Holding => decision.releasing,
@@ -202,14 +204,14 @@ mod tests {
         Decision { command, state, releasing, ..Decision::IDLE }
     }
 
-    /// An operator at a desk, before a machine that does not take requests up by itself.
+    /// Operator at a desk, in front of a simulated supervisor that accepts nothing by itself.
     struct Bench {
         desk: Desk,
         operator: Operator,
     }
 
     impl Bench {
-        /// Somebody has the role for an hour, and the machine is in a state.
+        /// Someone has the role for an hour, and the supervisor is in the given state.
         fn new(state: State) -> Self {
             let desk = Desk::new(Strategy::BenchmarkClosedLoop);
             desk.take_role(3600.0);
@@ -218,7 +220,8 @@ mod tests {
             bench
         }
 
-        /// One control period, after which the machine is at rest in a state; what was asked for in it.
+        /// One control period with the machine at rest, and the supervisor in the given state. Returns the
+        /// request.
         fn period(&mut self, state: State) -> Request {
             self.period_with(state, 0.0)
         }
@@ -230,7 +233,7 @@ mod tests {
             request
         }
 
-        /// Whether a start is asked for in any of the next two seconds' periods, the load held meanwhile.
+        /// Whether a start is requested in any of the next 2000 periods with the load held.
         fn starts_later(&mut self) -> bool {
             (0..2000).any(|_| self.period(State::Holding) == Request::Start)
         }
@@ -242,7 +245,7 @@ mod tests {
         bench.desk.start();
         assert_eq!(bench.period(State::Holding), Request::Start);
         assert_eq!(bench.period_with(State::Holding, 1.0), Request::Start);
-        // longer than a request lives
+        // longer than the validity of a request
         for _ in 0..3000 {
             assert_eq!(bench.period_with(State::Holding, 1.0), Request::None);
         }
@@ -267,11 +270,11 @@ mod tests {
     #[test]
     fn a_start_dies_in_every_state_but_holding() {
         for state in State::ALL.into_iter().filter(|state| *state != State::Holding) {
-            // asked for in that state
+            // requested in that state
             let mut bench = Bench::new(state);
             bench.desk.start();
             assert!(bench.period(state) != Request::Start && !bench.starts_later(), "{state:?}");
-            // and while the state comes
+            // requested before the state is entered
             let mut bench = Bench::new(State::Holding);
             bench.desk.start();
             bench.period(state);
@@ -292,22 +295,22 @@ mod tests {
             desk.take_role(3600.0);
         };
         for change in [given_back, lost, taken, given_back_and_taken] {
-            // before the desk is looked at
+            // before the desk is read
             let mut bench = Bench::new(State::Holding);
             bench.desk.start();
             change(&bench.desk);
             assert!(!bench.starts_later());
-            // and after
+            // after the desk is read
             let mut bench = Bench::new(State::Holding);
             bench.desk.start();
             assert_eq!(bench.period(State::Holding), Request::Start);
             change(&bench.desk);
             assert!(!bench.starts_later());
-            // somebody who takes the role then has not asked for it either
+            // a later operator has not requested it
             bench.desk.take_role(3600.0);
             assert!(!bench.starts_later());
         }
-        // nobody is there
+        // no operator is present
         let mut bench = Bench::new(State::Holding);
         bench.desk.leave_role();
         bench.desk.start();
@@ -323,18 +326,18 @@ mod tests {
         assert!(bench.period(State::Holding) != Request::Start && !bench.starts_later());
         bench.desk.start();
         bench.desk.emergency_stop();
-        // what was on its way through another thread comes too late
+        // a request still in transit through another thread has an earlier generation
         assert!(!bench.desk.start_in(generation, 1.0));
         assert_eq!(bench.period(State::Fault), Request::EmergencyStop);
         assert!(!bench.starts_later());
-        // a reset neither
+        // likewise for a reset
         let mut bench = Bench::new(State::Fault);
         bench.desk.reset();
         assert_eq!(bench.period(State::Fault), Request::Reset);
         bench.desk.emergency_stop();
         assert_eq!(bench.period(State::Fault), Request::EmergencyStop);
         assert_eq!(bench.period(State::Fault), Request::None);
-        // it is asked for until the machine is in its fault, also from Idle
+        // it is requested until the supervisor reports the fault, also from Idle
         let mut bench = Bench::new(State::Idle);
         bench.desk.emergency_stop();
         for _ in 0..5000 {
@@ -342,7 +345,7 @@ mod tests {
         }
         assert_eq!(bench.period(State::Fault), Request::EmergencyStop);
         assert_eq!(bench.period(State::Fault), Request::None);
-        // nobody has to attend
+        // no operator needs to be present
         let mut bench = Bench::new(State::Holding);
         bench.desk.leave_role();
         bench.desk.emergency_stop();
@@ -383,7 +386,7 @@ mod tests {
         bench.desk.start();
         assert_eq!(bench.period_with(State::Holding, 1.0), Request::Start);
         assert_eq!(bench.period_with(State::Moving, 1.0), Request::None);
-        // in a motion it holds until the load is held
+        // during a motion the stop is kept until the load is held
         bench.desk.stop();
         assert_eq!(bench.period_with(State::Moving, 1.0), Request::Stop);
         assert_eq!(bench.period_with(State::Stopping, 1.0), Request::Stop);

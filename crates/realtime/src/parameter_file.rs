@@ -1,7 +1,9 @@
-//! File of the state estimator's parameters with their covariance: written at the end of a run, taken up at the next start.
+//! File of the state estimator's parameters with their covariance: written at the end of a run, read at the
+//! next start.
 //!
-//! A file of another crane, with numbers out of range, or with a covariance that is none is refused. So is one that contradicts the crane file: farther from its values than
-//! three standard deviations of both together.
+//! A file is refused if it belongs to another crane, a number is out of range, or the covariance is
+//! invalid. It is also refused if a parameter contradicts the crane file: the difference exceeds three
+//! standard deviations of both together.
 
 use hydroboom_control::estimation::drive_identification::DriveLag;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
@@ -16,32 +18,33 @@ use thiserror::Error;
 const BAR: f64 = 1e5;
 const RPM: f64 = 1.0 / 60.0;
 const MS: f64 = 1e-3;
-/// Standard deviations between file and crane file beyond which they contradict each other.
+/// Difference between parameter file and crane file in standard deviations above which they contradict each
+/// other.
 const CONTRADICTION: f64 = 3.0;
 
 /// Longest file that is read \[B\].
 const LONGEST: u64 = 1_000_000;
 
-/// Why parameters are not taken up.
+/// Error of reading a parameter file.
 #[derive(Debug, Error)]
 pub enum ParameterFileError {
     /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The file is none, of another crane, or its numbers cannot be.
+    /// The file is not a parameter file, belongs to another crane, or has invalid numbers.
     #[error("{path}: {reason}")]
     Other {
         /// Its path.
         path: String,
-        /// What is wrong, and what to do.
+        /// Reason, and what to do.
         reason: String,
     },
-    /// The crane has no estimator.
+    /// There is no estimator for this crane.
     #[error(transparent)]
     Design(#[from] DesignError),
 }
 
-/// The parameters as a file, for the crane of a model.
+/// JSON text of the parameters, for the crane of a model.
 pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String {
     let period = model.numbers.control_period;
     let (flow, transition) =
@@ -57,7 +60,7 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
         "unknown_flow_deviation_rpm": flow / RPM,
         "transition_pressure_bar": parameters.transition_pressure / BAR,
         "transition_pressure_deviation_bar": transition / BAR,
-        // none where one of both is exact
+        // zero if one of both is exact
         "flow_transition_correlation": if flow * transition > 0.0 { both / (flow * transition) } else { 0.0 },
         "drive_lag_ms": lag / MS,
         "drive_lag_deviation_ms": drive.variance.sqrt() * slope / MS,
@@ -66,7 +69,7 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
     format!("{value:#}\n")
 }
 
-/// The parameters in a line, with two standard deviations each.
+/// One-line summary of the parameters with two standard deviations each.
 pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> String {
     let drive =
         DriveLag { coefficient: parameters.drive_coefficient, variance: parameters.drive_variance };
@@ -84,7 +87,8 @@ pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> Str
 ///
 /// # Errors
 ///
-/// [`ParameterFileError`] when there are none, they cannot be, or they are of another crane.
+/// [`ParameterFileError`] if the file cannot be read, its numbers are invalid, or it belongs to another
+/// crane.
 pub fn read(
     model: &Description,
     path: &Path,
@@ -108,7 +112,7 @@ pub fn read(
     let initial = &filter.initial_deviation;
     let number = |key: &str, low: f64, high: f64| {
         let read = &value[key];
-        // a limit that was written in another unit may be off by its last digit
+        // tolerates the rounding of a limit that was written in another unit
         let rounded = 1e-9 * low.abs().max(high.abs());
         match read.as_f64().filter(|n| (low - rounded..=high + rounded).contains(n)) {
             Some(number) => Ok(number),
@@ -198,7 +202,8 @@ mod tests {
         }
     }
 
-    /// Key, what was read and what is allowed; another crane, and oil that the crane file does not expect.
+    /// The message names the key, the value and the allowed range. Another crane, and oil parameters
+    /// outside the crane file's uncertainty, are refused as well.
     #[test]
     fn parameters_that_cannot_be_are_refused() {
         let key = |key: &str, value: &str| {
@@ -220,7 +225,8 @@ mod tests {
         assert!(read_back(|_| "{".into()).unwrap_err().contains("run --parameters"));
     }
 
-    /// The estimator begins with what was retained, limited to what is estimated; without, with the crane file.
+    /// The estimator starts with the retained parameters, limited to those that it estimates; without a
+    /// file it starts with the crane file's.
     #[test]
     fn a_run_begins_with_the_retained_parameters() {
         let model = Description::uia_single_boom().unwrap();
@@ -235,7 +241,7 @@ mod tests {
             let mut records = (0..100).map(|_| run.period(&mut operator, strategy).unwrap());
             records.find_map(|record| record.estimates).unwrap().parameters
         };
-        // the first period holds the load, and nothing is learned of these in it
+        // the load is held in the first period: these parameters are not updated
         let (found, expected) = (first(Some(parameters())), parameters());
         for (a, b) in found.to_array().into_iter().zip(expected.to_array()) {
             assert!((a / b - 1.0).abs() < 1e-12, "{found:?} for {expected:?}");

@@ -1,11 +1,11 @@
-//! What the operating system gives to a real-time thread.
+//! Operating system services for real-time threads.
 #![expect(unsafe_code, reason = "system calls; each is proven where it is made")]
 
 use std::fs::File;
 use std::io::{self, Write};
 use std::os::fd::AsRawFd;
 
-/// A clock's time \[ns\].
+/// Time of a clock \[ns\].
 fn clock(id: libc::clockid_t) -> u64 {
     let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
     // SAFETY: `time` is a valid timespec to write to, and both clocks exist on every Linux.
@@ -13,18 +13,18 @@ fn clock(id: libc::clockid_t) -> u64 {
     time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
 }
 
-/// Time since some moment, never going back \[ns\].
+/// Monotonic time since an arbitrary origin \[ns\].
 pub fn now() -> u64 {
     clock(libc::CLOCK_MONOTONIC)
 }
 
-/// Time this thread has had a processor \[ns\]: without what others took from it.
+/// Processor time of this thread \[ns\], without pre-emption by others.
 pub fn thread_time() -> u64 {
     clock(libc::CLOCK_THREAD_CPUTIME_ID)
 }
 
-/// Sleeps until `spin` before `time`, then looks at the clock until it is there \[ns\]. A sleeper wakes
-/// tens of microseconds late; who spins is on time, but must leave the processor some rest.
+/// Sleeps until `spin` before `time` \[ns\], then polls the clock until `time`. A sleeping thread wakes
+/// tens of microseconds late. A spinning thread is punctual, but must leave the processor time for others.
 pub fn wait_until(time: u64, spin: u64) {
     let wake = time.saturating_sub(spin);
     if now() < wake {
@@ -42,11 +42,11 @@ pub fn wait_until(time: u64, spin: u64) {
     }
 }
 
-/// Keeps the calling thread on one core.
+/// Pins the calling thread to one core.
 ///
 /// # Errors
 ///
-/// What the system says.
+/// Error of the operating system.
 pub fn pin_to(core: usize) -> io::Result<()> {
     // SAFETY: a cpu_set_t is a plain array of bits, for which zero is a valid value.
     let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
@@ -60,28 +60,28 @@ pub fn pin_to(core: usize) -> io::Result<()> {
     })
 }
 
-/// Lets the calling thread run before all ordinary ones, with a priority of 1 to 99.
+/// Gives the calling thread the real-time scheduling class SCHED_FIFO, with a priority of 1 to 99.
 ///
 /// # Errors
 ///
-/// What the system says; without privileges, that it is not permitted.
+/// Error of the operating system; without privileges, that the call is not permitted.
 pub fn run_first(priority: i32) -> io::Result<()> {
     let parameter = libc::sched_param { sched_priority: priority };
     // SAFETY: `parameter` is valid; 0 is the calling thread.
     checked(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameter) })
 }
 
-/// Keeps all memory of the process in memory, now and later.
+/// Locks all present and future memory of the process in RAM.
 ///
 /// # Errors
 ///
-/// What the system says.
+/// Error of the operating system.
 pub fn lock_memory() -> io::Result<()> {
     // SAFETY: no pointers are passed.
     checked(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
 }
 
-/// Whether all memory of a process may be locked.
+/// Whether the process may lock all of its memory.
 pub fn may_lock_memory() -> bool {
     let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
     // SAFETY: `limit` is valid to write to; geteuid always succeeds.
@@ -90,44 +90,46 @@ pub fn may_lock_memory() -> bool {
     user == 0 || (known && limit.rlim_cur == libc::RLIM_INFINITY)
 }
 
-/// User whose rights this process has.
+/// Effective user of this process.
 pub fn effective_user() -> u32 {
-    // SAFETY: it takes nothing and always succeeds.
+    // SAFETY: it has no arguments and always succeeds.
     unsafe { libc::geteuid() }
 }
 
-/// Sleeps until there is something to read, for so long at most \[ns\].
+/// Sleeps until data can be read, for at most the given time \[ns\].
 pub fn wait_for_input(of: &impl AsRawFd, nanoseconds: u64) {
     let mut waited = libc::pollfd { fd: of.as_raw_fd(), events: libc::POLLIN, revents: 0 };
     let most = libc::timespec {
         tv_sec: (nanoseconds / 1_000_000_000) as libc::time_t,
         tv_nsec: (nanoseconds % 1_000_000_000) as libc::c_long,
     };
-    // SAFETY: one valid entry, a valid time, no signal mask. What it says is not needed: whoever reads finds out.
+    // SAFETY: one valid entry, a valid time, no signal mask. The result is not needed: the next read shows
+    // whether data came.
     unsafe { libc::ppoll(&mut waited, 1, &most, std::ptr::null()) };
 }
 
-/// Time that a hypervisor has taken from a core since it came up \[s\], in steps of 10 ms; none where the
-/// kernel does not tell.
+/// Time that a hypervisor has taken from a core since boot \[s\], in steps of 10 ms; none if the kernel
+/// does not report it.
 pub fn stolen(core: usize) -> Option<f64> {
-    // user, nice, system, idle, waiting, interrupts, soft interrupts, stolen: in hundredths of a second
+    // user, nice, system, idle, iowait, irq, softirq, steal: in hundredths of a second
     let statistics = std::fs::read_to_string("/proc/stat").ok()?;
     let name = format!("cpu{core}");
     let line = statistics.lines().find(|line| line.split_whitespace().next() == Some(&name))?;
     line.split_whitespace().nth(8)?.parse::<f64>().ok().map(|ticks| 0.01 * ticks)
 }
 
-/// Lets a file that grows beyond what is allowed end with an error, not with the program.
+/// Makes writing a file beyond the size limit an error instead of ending the process (SIGXFSZ).
 pub fn survive_large_files() {
     // SAFETY: ignoring a signal runs no code of ours.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
-/// Keeps the processor from sleeping so deeply that it wakes late, as long as the file is held.
+/// Keeps the processor out of deep sleep states, whose exit latency is long, as long as the returned file
+/// is open.
 ///
 /// # Errors
 ///
-/// What the system says; without privileges, that it is not permitted.
+/// Error of the operating system; without privileges, that the call is not permitted.
 pub fn stay_awake() -> io::Result<File> {
     let mut file = File::options().write(true).open("/dev/cpu_dma_latency")?;
     file.write_all(&0_i32.to_ne_bytes())?;

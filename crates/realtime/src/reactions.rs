@@ -1,5 +1,5 @@
-//! What each reaction does to a machine that moves, and what a second line behind an unproven release
-//! would leave: computed on the simulated machine, without the supervisor.
+//! Effect of each safety reaction on a moving machine, and the load drop with an ideal second line of
+//! protection behind an unproven release. Simulated without the supervisor.
 
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
@@ -14,42 +14,42 @@ use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;
 use thiserror::Error;
 
-/// What a reaction does to a machine that moves.
+/// Effect of a reaction on a moving machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactionEffect {
-    /// The reaction.
+    /// Reaction.
     pub reaction: Reaction,
-    /// Speed of the piston when it begins \[m/s\], positive out.
+    /// Speed of the piston at the start of the reaction \[m/s\], positive outwards.
     pub speed: f64,
-    /// Largest distance of the piston from where it was \[m\].
+    /// Largest distance of the piston from its position at the start \[m\].
     pub travel: f64,
     /// Time until valve and motor are at rest \[s\].
     pub time: f64,
-    /// Largest pressure of any chamber \[Pa\].
+    /// Largest pressure in any chamber \[Pa\].
     pub peak_pressure: f64,
     /// Largest force of the cylinder on the boom \[N\].
     pub force: f64,
 }
 
-/// Why there is no such computation.
+/// Error of the computation.
 #[derive(Clone, Debug, Error)]
 pub enum ReactionError {
-    /// The crane cannot be set up.
+    /// The crane cannot be built.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// The simulated machine broke.
+    /// The simulation of the machine failed.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
 }
 
-/// A machine is watched for so long after a reaction began \[s\].
+/// Time simulated after the start of a reaction \[s\].
 const WATCHED: f64 = 2.5;
 
-/// Effects of both reactions on a machine that moves in and out at some speeds \[m/s\].
+/// Effects of both reactions on a machine that moves inwards and outwards at some speeds \[m/s\].
 ///
 /// # Errors
 ///
-/// [`ReactionError`] when the crane cannot be set up or breaks.
+/// [`ReactionError`] if the crane cannot be built or its simulation fails.
 pub fn reaction_effects(
     model: &Description,
     machine: &Description,
@@ -70,7 +70,8 @@ pub fn reaction_effects(
     Ok(effects)
 }
 
-/// The machine under the benchmark at a time of the course \[s\]; none where the course is stopped.
+/// Machine under the benchmark controller at a time of the course \[s\]; none if the course was stopped
+/// before.
 fn moved_until(
     model: &Description,
     machine: &Description,
@@ -132,13 +133,13 @@ fn effect(
     Ok(effect)
 }
 
-/// Drop of the load \[m\] where the valve is energised onto an empty pump side and shut again by an
-/// ideal monitor, which sees the piston itself and reacts in the period in which it has sunk by 0.1 mm:
-/// what pilot and closing time alone cost.
+/// Drop of the load \[m\] if the valve opens onto an empty pump side and an ideal monitor shuts it again.
+/// The monitor measures the piston itself and reacts in the period in which it has sunk by 0.1 mm. The
+/// result is the drop due to pilot and closing time alone.
 ///
 /// # Errors
 ///
-/// [`ReactionError`] when the crane cannot be set up or breaks.
+/// [`ReactionError`] if the crane cannot be built or its simulation fails.
 pub fn ideal_second_line(machine: &Description) -> Result<f64, ReactionError> {
     const SEEN: f64 = 1e-4;
     let mut start = machine.start(machine.numbers.motion_start.max(0.5 * machine.numbers.stroke));

@@ -1,10 +1,10 @@
-//! What a start waits for, in words.
+//! Conditions that a start waits for, as text.
 
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
 
-/// What has to come before a course can be started, to be read after "waits for"; none when it can be started now.
-/// `attended`: whether an operator is present.
+/// Condition that must be met before a course can start, worded to follow "waits for"; none if a course can
+/// start now. `attended`: whether an operator is present.
 pub fn start_waits_for(decision: &Decision, attended: bool) -> Option<&'static str> {
     match decision.state {
         State::Idle => Some("plausible readings of the machine"),

@@ -1,4 +1,4 @@
-//! A log as a machine: its readings come again, and nobody hears the commands.
+//! Replay of a log: its measurements are the machine's, and the commands have no effect.
 
 use crate::control_task::{ControlTask, Period, Record};
 use crate::course::Course;
@@ -16,7 +16,7 @@ use hydroboom_design::limits;
 use hydroboom_math::Real;
 use std::sync::Arc;
 
-/// The readings of a log, one with each look.
+/// Measurements of a log, one per call.
 pub struct Replay {
     measurements: Vec<Option<Measurement>>,
     next: usize,
@@ -24,7 +24,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// A machine that shows what was logged.
+    /// Machine that returns the logged measurements.
     pub fn new(rows: &[Row]) -> Self {
         let measurements = rows.iter().map(|row| row.measurement).collect();
         Self { measurements, next: 0, newest: None }
@@ -44,9 +44,9 @@ impl Machine for Replay {
     fn write(&mut self, _sequence: u64, _outgoing: &Outgoing) {}
 }
 
-/// Where the piston should have been, as logged.
+/// Logged set points as a trajectory.
 struct Recorded {
-    /// Time of the first reference \[s\].
+    /// Time of the first set point \[s\].
     from: f64,
     period: f64,
     references: Vec<SetPoint<f64>>,
@@ -58,12 +58,12 @@ impl Trajectory for Recorded {
         let k = ((t - self.from) / self.period).round().max(0.0) as usize;
         let beyond = k.saturating_sub(self.references.len().saturating_sub(1)) as f64;
         let last = self.references.last().copied().unwrap_or_default();
-        // whoever looks ahead of a course that was stopped finds it going on
+        // beyond the end of a stopped course the preview extrapolates at constant velocity
         let on = last.position + beyond * self.period * last.velocity;
         self.references.get(k).copied().unwrap_or(SetPoint { position: on, ..last })
     }
     fn duration(&self) -> f64 {
-        // over in the period of the last reference, whether by itself or because somebody stopped it
+        // ends in the period of the last set point, which ended by itself or by a stop
         self.from + self.period * (self.references.len() as f64 - 1.5)
     }
     fn speed(&self) -> f64 {
@@ -71,12 +71,12 @@ impl Trajectory for Recorded {
     }
 }
 
-/// The tasks beside a log: what they decide about its readings now, row for row. `strategy` stands in
-/// for the logged one.
+/// Recomputes the records of a log from its measurements, row by row. `strategy` replaces the logged
+/// strategy.
 ///
 /// # Errors
 ///
-/// [`SetupError`] when the model cannot be built, or there are no limits for it.
+/// [`SetupError`] if the model cannot be built or has no supervision limits.
 pub fn replay(
     model: &Description,
     rows: &[Row],
@@ -104,7 +104,7 @@ pub fn replay(
             simulation.synchronise(&AtRest::new(model, &control.conditions(), stroke)?);
             control.take(course);
         }
-        // time is logged in microseconds: a period is one unless more have passed
+        // times are logged in microseconds: a row is one period unless more have passed
         let since = rows.get(k.wrapping_sub(1)).map_or(n.control_period, |b| row.time - b.time);
         let periods = (since / n.control_period).round().max(1.0);
         let record = control.period(&Period {
@@ -128,12 +128,12 @@ pub fn replay(
     Ok(records)
 }
 
-/// Whether a person wanted a course in this row: a release begins.
+/// Whether a start was requested in this row: a release begins.
 fn begins(rows: &[Row], k: usize) -> bool {
     rows[k].releasing && !rows.get(k.wrapping_sub(1)).is_some_and(|before| before.releasing)
 }
 
-/// What was asked for in a row, as far as what came of it tells.
+/// Request in a row, inferred from the logged states.
 fn request(rows: &[Row], k: usize, state: State) -> Request {
     let row = &rows[k];
     let before = if k == 0 { State::Idle } else { rows[k - 1].state };
@@ -153,7 +153,7 @@ fn request(rows: &[Row], k: usize, state: State) -> Request {
     }
 }
 
-/// The references of the course that follows.
+/// Course of the logged set points that follow.
 fn recorded(model: &Description, rows: &[Row]) -> Course {
     let running = rows.iter().skip_while(|row| row.course_time.is_none());
     let course: Vec<&Row> = running.take_while(|row| row.course_time.is_some()).collect();
@@ -166,7 +166,7 @@ fn recorded(model: &Description, rows: &[Row]) -> Course {
         .collect();
     let fastest = references.iter().map(|r| r.velocity.abs()).fold(0.0, f64::max);
     let from = course.first().and_then(|row| row.course_time).unwrap_or(0.0);
-    // an older log does not tell it, and one that was cut off may not have come to it
+    // an older log does not contain the speed, and a truncated one may not reach it
     let told = course.first().and_then(|row| row.course_speed);
     let speed = told.unwrap_or(fastest.max(model.numbers.fast));
     let path = Recorded { from, period: model.numbers.control_period, references, speed };

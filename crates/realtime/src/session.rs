@@ -1,5 +1,5 @@
-//! A session at a machine: course after course, seen from an ordinary thread. What takes long is
-//! prepared here and handed to the real-time tasks as an [`Order`].
+//! Session at a machine: a sequence of courses, managed by an ordinary thread. Long computations are done
+//! here and passed to the real-time tasks as an [`Order`].
 
 use crate::conditions::Conditions;
 use crate::control_task::{Fallback, Record};
@@ -20,12 +20,12 @@ use hydroboom_virtual_crane::Truth;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// When a run ends.
+/// Condition that ends a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// Once a course is over, or a fault is there, and the load is held.
+    /// A course is over or a fault occurred, and the load is held.
     OnceDone,
-    /// Once the desk is closed and the load is held.
+    /// The desk is closed and the load is held.
     OnceClosed,
 }
 
@@ -36,93 +36,94 @@ impl Ending {
     }
 }
 
-/// Who looks after a run, from where, and until when.
+/// Desk, attendant and end condition of a run.
 pub struct Lookout<'a> {
-    /// Where people ask.
+    /// Operator desk.
     pub desk: &'a Desk,
-    /// Who looks on.
+    /// Receiver of the records and source of the orders.
     pub attendant: &'a mut dyn Attendant,
-    /// When it ends.
+    /// End condition.
     pub ending: Ending,
 }
 
-/// What the tasks are handed.
+/// Order to the real-time tasks.
 #[derive(Clone)]
 pub enum Order {
-    /// The course to be run when the operator wants it.
+    /// Course to run at the next start.
     Course(Course),
-    /// The simulation goes on from here.
+    /// State of rest to which the simulation is synchronised.
     Synchronise(Box<AtRest>),
-    /// Something is done to the virtual machine.
+    /// Fault or payload change to apply to the virtual machine.
     Tamper(Tampering),
 }
 
-/// Who looks on from an ordinary thread, and prepares what the tasks are to do.
+/// Receives the records in an ordinary thread and prepares orders for the tasks.
 pub trait Attendant {
-    /// Shown every record, in order.
+    /// Receives every record in order.
     fn see(&mut self, record: &Record);
-    /// Shown, before the record of a period, what is true of the machine in it. Only in simulated time: a machine in another process tells no more than its
-    /// sensors.
+    /// Receives the true state of the machine in a period, before that period's record. Only in simulated
+    /// time: a machine in another process reports no more than its sensors.
     fn see_truth(&mut self, _truth: &Truth) {}
-    /// Asked now and then: what is to be handed over.
+    /// Returns the orders to pass on; called regularly.
     fn orders(&mut self) -> Vec<Order>;
-    /// Told of a real-time task that failed. After the control task has, the session can only be ended.
+    /// Receives a failure of a real-time task. After a failure of the control task the session can only be
+    /// ended.
     fn failed(&mut self, failure: &Failure) {
         eprintln!("{failure}");
     }
 }
 
-/// A payload \[kg\] that is hung on at a time of the course \[s\].
+/// Time of the course \[s\] and payload \[kg\] attached at that time.
 pub type Hung = (f64, f64);
 
-/// What was recorded before and at a fault.
+/// Data recorded before and at a fault.
 #[derive(Clone, Debug)]
 pub struct FaultData {
-    /// Why.
+    /// Cause of the fault.
     pub cause: Cause,
-    /// When \[s since the executive began\].
+    /// Time of the fault \[s since the start of the executive\].
     pub time: f64,
-    /// The last second, the fault's own record last.
+    /// Records of the last second; the last one is that of the fault.
     pub records: Vec<Record>,
 }
 
-/// In a course the simulation is set to the machine's state so often at most; after that it is not
-/// followed any more, because then it is the model that is wrong.
+/// Largest number of synchronisations of the simulation in a course. After that its strategies stay
+/// disabled, because the model itself is wrong.
 const MOST_SYNCHRONISATIONS: u32 = 3;
-/// Piston and reference must have rested together for so long before \[s\].
+/// Time for which piston and set point must have been at rest together before a synchronisation \[s\].
 const RESTED: f64 = 0.3;
-/// And so near to each other \[m\].
+/// Largest distance between them for it \[m\].
 const TOGETHER: f64 = 2e-3;
-/// What is kept of the time before a fault \[s\].
+/// Time before a fault for which records are kept \[s\].
 const KEPT: f64 = 1.0;
 
-/// What is known of the machine and asked of it.
+/// State of a session.
 pub struct Session {
     model: Description,
-    /// Every path handed over that may still be in use: the real-time tasks must not be the last to
-    /// let one go, which would free memory.
+    /// Trajectories passed to the tasks and possibly in use. A real-time task must not drop the last
+    /// reference, because that frees memory.
     paths: Vec<Arc<dyn Trajectory>>,
     hung: Vec<Hung>,
-    /// How many of them hang.
+    /// Number of payload changes already applied.
     hanging: usize,
     last: Option<Record>,
     recent: VecDeque<Record>,
     fault: Option<FaultData>,
     rested: f64,
     synchronised: u32,
-    /// How often over all courses.
+    /// Synchronisations over all courses.
     synchronised_in_all: u32,
-    /// Under what the simulation was set to a state last.
+    /// Conditions at the last synchronisation of the simulation.
     conditions: Conditions,
 }
 
 impl Session {
-    /// The model that it is of.
+    /// Model of the session.
     pub fn model(&self) -> &Description {
         &self.model
     }
 
-    /// A session with a machine that the model stands for.
+    /// Session with a machine described by the model.
     pub fn new(model: &Description) -> Self {
         let records = (KEPT / model.numbers.control_period) as usize;
         Self {
@@ -140,7 +141,7 @@ impl Session {
         }
     }
 
-    /// Takes a record into account.
+    /// Processes a record.
     pub fn see(&mut self, record: &Record) {
         let period = self.model.numbers.control_period;
         self.recent.push_back(*record);
@@ -161,32 +162,32 @@ impl Session {
         self.rested = if rests { self.rested + period } else { 0.0 };
     }
 
-    /// The newest record.
+    /// Newest record.
     pub fn last(&self) -> Option<&Record> {
         self.last.as_ref()
     }
 
-    /// The last fault, if there was any.
+    /// Last fault, if any.
     pub fn fault(&self) -> Option<&FaultData> {
         self.fault.as_ref()
     }
 
-    /// How often the simulation was set to the machine's state in the midst of a course.
+    /// Number of synchronisations of the simulation during courses.
     pub fn synchronised_in_all(&self) -> u32 {
         self.synchronised_in_all
     }
 
-    /// Whether an operator who is present can begin a course now: the load is held, and not being released.
+    /// Whether a present operator can start a course now: the load is held and not being released.
     pub fn is_ready(&self) -> bool {
         self.last.is_some_and(|record| start_waits_for(&record.decision, true).is_none())
     }
 
-    /// What makes the machine ready for a path: the course there from where the piston is, and the
-    /// simulation set to where the piston is.
+    /// Orders that make the tasks ready for a trajectory: the course from the piston's position, and the
+    /// simulation synchronised to that position.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the model has no state of rest there.
+    /// [`PlantError`] if the model has no state of rest there.
     pub fn prepare(
         &mut self,
         path: Arc<dyn Trajectory>,
@@ -205,7 +206,7 @@ impl Session {
         Ok(vec![Order::Course(course), Order::Synchronise(Box::new(at))])
     }
 
-    /// What is due by itself.
+    /// Orders due without a request: payload changes and synchronisations.
     pub fn orders(&mut self) -> Vec<Order> {
         let mut orders = Vec::new();
         if let Some(time) = self.last.and_then(|r| r.course_time) {
@@ -217,7 +218,7 @@ impl Session {
         }
         let is_held = self.last.is_some_and(|r| r.course_time.is_none());
         if is_held && self.conditions.differ(&self.estimated()) {
-            // weighed while it is held: the simulation rests with what hangs there
+            // a payload estimated while the load is held: the simulation is set to rest with it
             orders.extend(self.at_rest_again());
         }
         if self.rested >= RESTED && self.synchronised < MOST_SYNCHRONISATIONS {
@@ -230,25 +231,26 @@ impl Session {
         orders
     }
 
-    /// The simulation set to rest where the piston is; none where the model cannot be there, and the simulation not follow.
+    /// Order that sets the simulation to rest at the piston's position; none if the model has no state of
+    /// rest there.
     fn at_rest_again(&mut self) -> Option<Order> {
         let stroke = self.stroke(self.model.numbers.motion_start);
         self.at_rest(stroke).ok().map(|at| Order::Synchronise(Box::new(at)))
     }
 
-    /// Where the piston is \[m\].
+    /// Position of the piston \[m\]; `otherwise` if there is no finite measurement.
     fn stroke(&self, otherwise: f64) -> f64 {
         let stroke = self.last.map(|r| r.signals().stroke).filter(|stroke| stroke.is_finite());
         Real::clamp(stroke.unwrap_or(otherwise), 0.0, self.model.numbers.stroke)
     }
 
-    /// Rest at a position \[m\], under the newest conditions.
+    /// State of rest at a position \[m\] under the newest conditions.
     fn at_rest(&mut self, stroke: f64) -> Result<AtRest, PlantError> {
         self.conditions = self.estimated();
         AtRest::new(&self.model, &self.conditions, stroke)
     }
 
-    /// The newest conditions, as described before the first record.
+    /// Newest conditions; those of the crane file before the first record.
     fn estimated(&self) -> Conditions {
         let described = Conditions::described(&self.model.numbers);
         self.last.map_or(described, |record| record.conditions)

@@ -1,4 +1,4 @@
-//! A machine in another process, over shared memory: no system call to read or write it.
+//! Machine in another process through shared memory, read and written without a system call.
 
 use crate::machine::{Incoming, Machine, Outgoing};
 use crate::posix::effective_user;
@@ -13,11 +13,10 @@ use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Tells our memory from anything else.
-/// Its last digit counts the layouts.
+/// Magic number of the shared memory. Its last digit counts the versions of the layout.
 const MAGIC: u64 = 0x6879_6472_6f62_6f71;
 
-/// What both processes see.
+/// Layout of the shared memory.
 #[repr(C)]
 struct Layout {
     magic: Slot<1>,
@@ -25,16 +24,16 @@ struct Layout {
     measurement: Slot<11>,
     /// Number, then the command of its axis.
     command: Slot<3>,
-    /// Number, then what is done to the machine.
+    /// Number, then the fault or payload change ordered.
     tampering: Slot<3>,
 }
 
-/// Its permissions: its owner may read and write it, and nobody else anything.
+/// Permissions of the file: read and write for its owner only.
 const MODE: u32 = 0o600;
-/// Bits of a file's mode that are permissions.
+/// Permission bits of a file mode.
 const PERMISSIONS: u32 = 0o777;
 
-/// Refuses memory that another user made, or that others may read or write.
+/// Refuses memory that another user owns, or that others may read or write.
 fn check_owner(owner: u32, mode: u32) -> io::Result<()> {
     let user = effective_user();
     if owner != user {
@@ -59,13 +58,13 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Makes the memory at a path, empty.
+    /// Creates the shared memory at a path, empty.
     ///
     /// # Errors
     ///
-    /// What the system says when the file cannot be made.
+    /// Error of the operating system if the file cannot be created.
     pub fn create(path: &Path) -> io::Result<Self> {
-        // for nobody but its owner: whoever writes to it moves the machine
+        // accessible to its owner only: a write to it moves the machine
         let mut options = OpenOptions::new();
         let file = options.read(true).write(true).create_new(true).mode(MODE).open(path)?;
         file.set_len(size_of::<Layout>() as u64)?;
@@ -74,11 +73,11 @@ impl Shared {
         Ok(shared)
     }
 
-    /// Opens the memory that another process made.
+    /// Opens the shared memory that another process created.
     ///
     /// # Errors
     ///
-    /// What the system says, or that it is not such a memory.
+    /// Error of the operating system, or that the file is not such a memory.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
         let metadata = file.metadata()?;
@@ -94,31 +93,31 @@ impl Shared {
     }
 
     fn map(file: &std::fs::File) -> io::Result<Self> {
-        // SAFETY: the map is only ever used through `Layout`, whose words are all atomic: whatever
-        // another process does to it is a change of atomics, and any bytes are valid ones. A file
-        // cut short under us is not guarded against; nobody but the two processes has its path.
+        // SAFETY: the map is only used through `Layout`, whose words are all atomic. A write of another
+        // process is therefore a change of atomics, and any bytes are valid. Truncation of the file is not
+        // guarded against: only the two processes have its path.
         #[expect(unsafe_code, reason = "memory shared with another process")]
         let map = unsafe { MmapMut::map_mut(file)? };
         Ok(Self { map })
     }
 
     fn layout(&self) -> &Layout {
-        // SAFETY: the map begins at a page, is as long as `Layout` (created or checked so), lives as
-        // long as `self`, and `Layout` consists of atomics for which any bytes are valid.
+        // SAFETY: the map is page-aligned, as long as `Layout` (created or checked so), lives as long as
+        // `self`, and `Layout` consists of atomics for which any bytes are valid.
         #[expect(unsafe_code, reason = "atomics in a shared map")]
         unsafe {
             &*self.map.as_ptr().cast::<Layout>()
         }
     }
 
-    /// For the machine's process: the newest command and its number.
+    /// For the machine's process: newest command with its number.
     pub fn command(&self) -> Option<(u64, Command)> {
         let (_, [sequence, speed, valve]) = self.layout().command.read()?;
         let (motor_speed, holding_valve) = (f64::from_bits(speed), f64::from_bits(valve));
         Some((sequence, Command { axes: [AxisCommand { motor_speed, holding_valve }] }))
     }
 
-    /// For the machine's process: shows a measurement.
+    /// For the machine's process: publishes a measurement.
     pub fn show(&self, incoming: &Incoming) {
         let Measurement { number, time, axes: [axis] } = incoming.measurement;
         let [a, b, c, d, e, f, g] = axis.signals.to_array().map(f64::to_bits);
@@ -128,20 +127,20 @@ impl Shared {
         self.layout().measurement.publish([number, time, validity, valve, a, b, c, d, e, f, g]);
     }
 
-    /// For the machine's process: what was ordered to be done to it last, and its number.
+    /// For the machine's process: last ordered fault or payload change, with its number.
     pub fn tampering(&self) -> Option<(u64, Tampering)> {
         let (_, [number, kind, value]) = self.layout().tampering.read()?;
         Some((number, Tampering::from_words([kind, value])?))
     }
 
-    /// For the executive's process: has something done to the machine, with a number that grows.
+    /// For the executive's process: orders a fault or payload change, with an increasing number.
     pub fn tamper(&self, number: u64, what: Tampering) {
         let [kind, value] = what.to_words();
         self.layout().tampering.publish([number, kind, value]);
     }
 }
 
-/// The valve's state as a word: 0 where it is not read.
+/// State of the valve as a word: 0 if it is not measured.
 pub(crate) fn valve_word(valve: Option<ValveState>) -> u64 {
     match valve {
         None => 0,
@@ -150,21 +149,21 @@ pub(crate) fn valve_word(valve: Option<ValveState>) -> u64 {
     }
 }
 
-/// Back again; a word that means nothing is no state.
+/// State of the valve from its word; none for any other word.
 pub(crate) fn valve_state(word: u64) -> Option<ValveState> {
     [ValveState::Shut, ValveState::Open].into_iter().find(|state| valve_word(Some(*state)) == word)
 }
 
-/// All validities, by their number.
+/// All validities in the order of their codes.
 const VALIDITIES: [Validity; 4] =
     [Validity::Good, Validity::Absent, Validity::OutOfRange, Validity::Stale];
 
-/// Validities of the signals as a word, two bits each, the first lowest.
+/// Validities of the signals as a word, two bits each, the first one lowest.
 fn validity_word(of: &AxisSignals<Validity>) -> u64 {
     of.to_array().iter().rev().fold(0, |word, validity| (word << 2) | *validity as u64)
 }
 
-/// Back again; every word means something.
+/// Validities from their word; every word is valid.
 pub(crate) fn validity_of(word: u64) -> AxisSignals<Validity> {
     let [a, b, c, d] = VALIDITIES;
     AxisSignals::from_array(core::array::from_fn(|k| match (word >> (2 * k)) & 3 {

@@ -1,4 +1,4 @@
-//! The simulation beside the machine: a step of 50 us at a time.
+//! Simulation of the crane beside the machine, in steps of 50 us.
 
 use crate::conditions::Conditions;
 use hydroboom_control::controller::{AxisState, SimulatedState};
@@ -6,7 +6,7 @@ use hydroboom_description::{BuildError, Description};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};
 use hydroboom_plant::PlantError;
 
-/// A crane at rest, three segments.
+/// Crane model of three segments at rest.
 #[derive(Clone, Copy, Debug)]
 pub struct AtRest {
     conditions: Conditions,
@@ -15,12 +15,12 @@ pub struct AtRest {
 }
 
 impl AtRest {
-    /// The model under conditions, at rest with its piston at a position \[m\] and its pump pre-loaded. Takes milliseconds: not for a
-    /// real-time cycle.
+    /// Rest state of the model under given conditions with the piston at a position \[m\] and the pump
+    /// pre-loaded. The computation takes milliseconds: not for the real-time cycle.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
+    /// [`PlantError`] if the description gives no model of three segments, or no state of rest.
     pub fn new(
         model: &Description,
         conditions: &Conditions,
@@ -32,33 +32,33 @@ impl AtRest {
     }
 }
 
-/// What the simulation shows the controller, and who looks on.
+/// State of the simulated crane for controller and observers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Simulated {
-    /// Steps taken.
+    /// Steps executed.
     pub steps: u64,
-    /// How often it was set to a state.
+    /// Number of synchronisations.
     pub epoch: u64,
-    /// What the controllers look at.
+    /// State used by the controllers.
     pub state: SimulatedState,
     /// Absolute angle of each boom segment \[rad\].
     pub angle: [f64; 3],
-    /// Whether it left what the model holds for; it then stays where it was.
+    /// Whether the state left the range of validity of the model. It is then frozen.
     pub failed: bool,
 }
 
 impl Simulated {
-    /// State of its axis.
+    /// State of the axis.
     pub fn axis(&self) -> &AxisState<f64> {
         &self.state.axes[0]
     }
 }
 
-/// The simulated crane, three segments, published scheme.
+/// Simulated crane: three segments, published integration scheme.
 #[derive(Clone)]
 pub struct SimulationTask {
     model: Description,
-    /// Under what it is simulated, and is to be.
+    /// Present conditions, and those that they approach.
     conditions: Conditions,
     wanted: Conditions,
     simulation: Simulation<3>,
@@ -66,11 +66,12 @@ pub struct SimulationTask {
 }
 
 impl SimulationTask {
-    /// A simulated crane as described, at rest with its piston at a position \[m\] and its pump pre-loaded.
+    /// Simulated crane of the crane file, at rest with its piston at a position \[m\] and its pump
+    /// pre-loaded.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
+    /// [`PlantError`] if the description gives no model of three segments, or no state of rest.
     pub fn new(model: &Description, stroke: f64) -> Result<Self, PlantError> {
         let at = AtRest::new(model, &Conditions::described(&model.numbers), stroke)?;
         let step = model.numbers.simulation_period;
@@ -104,21 +105,21 @@ impl SimulationTask {
         }
     }
 
-    /// Conditions to change to, as it moves.
+    /// Sets the conditions that the moving crane approaches.
     pub fn set_conditions(&mut self, now: &Conditions) {
         self.wanted = *now;
     }
 
-    /// Nearer to the conditions that are wanted. It takes a tenth of a microsecond.
+    /// Moves the conditions one step towards those set. It takes 0.1 us.
     fn take_on(&mut self) {
         self.conditions = self.conditions.towards(&self.wanted, self.simulation.step());
-        // the crane is of the make that it was, so that there is one
+        // only numbers change, not the type of crane, so that building it succeeds
         if let Ok(crane) = self.model.crane_over(&self.conditions.numbers(&self.model.numbers)) {
             self.simulation.set_crane(crane);
         }
     }
 
-    /// Goes on from rest, also after it has failed. A state that is not valid is left out.
+    /// Restarts from a state of rest, also after a failure. An invalid state is ignored.
     pub fn synchronise(&mut self, at: &AtRest) {
         if self.simulation.set_state(at.state).is_ok() {
             self.simulation.set_crane(at.crane);
@@ -143,7 +144,7 @@ impl SimulationTask {
         self.simulated.angle = state.boom.angle;
     }
 
-    /// What it shows now.
+    /// Present state.
     pub fn simulated(&self) -> Simulated {
         self.simulated
     }

@@ -1,17 +1,16 @@
-//! The newest value of one writer, for any number of readers, between threads or processes.
+//! Newest value of one writer for any number of readers, between threads or processes.
 
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
-/// Tries of a reader before it makes do with what it read last.
+/// Attempts of a reader before it gives up.
 const TRIES: usize = 16;
 
-/// `N` words that are read together or not at all: a sequence lock made of atomics only, so that any
-/// bytes in a shared memory are a valid one. The writer never waits; a reader tries a bounded number
-/// of times.
+/// `N` words that are read together or not at all: a sequence lock of atomics only, so that any bytes in
+/// shared memory are valid. The writer never waits; a reader makes a bounded number of attempts.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Slot<const N: usize> {
-    /// Odd while the writer is at work.
+    /// Odd during a write.
     version: AtomicU64,
     words: [AtomicU64; N],
 }
@@ -23,21 +22,21 @@ impl<const N: usize> Default for Slot<N> {
 }
 
 impl<const N: usize> Slot<N> {
-    /// Makes `words` the newest value. There must be one writer only.
+    /// Publishes `words` as the newest value. There must be one writer only.
     pub fn publish(&self, words: [u64; N]) {
         let version = self.version.load(Ordering::Relaxed) & !1;
         self.version.store(version | 1, Ordering::Relaxed);
-        // the odd version is seen before any of the words
+        // the odd version becomes visible before any of the words
         fence(Ordering::Release);
         for (word, value) in self.words.iter().zip(words) {
             word.store(value, Ordering::Relaxed);
         }
-        // another process may have left any number there
+        // another process may have left any number in the version: wrap instead of overflow
         self.version.store(version.wrapping_add(2), Ordering::Release);
     }
 
-    /// The newest value and its version, which grows by two with each; none before the first, or while
-    /// the writer is at work all the time (or has died there).
+    /// Newest value and its version, which grows by two with each. None before the first value, and if a
+    /// write is in progress in every attempt (or was interrupted for good).
     pub fn read(&self) -> Option<(u64, [u64; N])> {
         for _ in 0..TRIES {
             let version = self.version.load(Ordering::Acquire);
@@ -49,7 +48,7 @@ impl<const N: usize> Slot<N> {
                 continue;
             }
             let words = std::array::from_fn(|i| self.words[i].load(Ordering::Relaxed));
-            // the words are read before the version is looked at again
+            // the words are read before the version is read again
             fence(Ordering::Acquire);
             if self.version.load(Ordering::Relaxed) == version {
                 return Some((version, words));

@@ -1,34 +1,34 @@
-//! What the deadlines came to.
+//! Deadline statistics of a real-time task.
 
 use hdrhistogram::Histogram;
 
-/// Longest time that is told from longer ones \[ns\].
+/// Largest time that the histograms resolve \[ns\].
 const LONGEST: u64 = 10_000_000_000;
 
-/// Two looks at the thread's clock take no longer than this \[ns\].
+/// Upper bound of the time to read the thread's clock twice \[ns\].
 const CLOCKS: u64 = 5_000;
 
-/// Deadline accounting of one task; made before the cycle, and then without allocation.
+/// Deadline statistics of one task. Allocates only when it is made.
 #[derive(Clone, Debug)]
 pub struct Timing {
     /// Period \[ns\].
     pub period: u64,
-    /// How late the task was released \[ns\].
+    /// Release delay \[ns\].
     lateness: Histogram<u64>,
-    /// How long it took on its processor, without what others took from it \[ns\].
+    /// Execution time on the processor, without pre-emption \[ns\].
     execution: Histogram<u64>,
-    /// Releases that came later than the next one was due.
+    /// Number of releases missed, each a full period of delay.
     pub missed: u64,
-    /// Steps taken.
+    /// Steps executed.
     pub steps: u64,
-    /// Longest execution \[ns\] and when it was \[ns since the first release\].
+    /// Longest execution time \[ns\] and its time \[ns since the first release\].
     pub worst: (u64, u64),
-    /// Time \[ns\] during steps in which the task had no processor: pre-emption by others.
+    /// Time during steps in which the task was pre-empted \[ns\].
     pub taken: u64,
 }
 
 impl Timing {
-    /// Nothing counted yet, of a task with a period \[ns\], of 1 ns at least; none where there is no memory for it.
+    /// Empty statistics of a task with a period \[ns\], at least 1 ns; none if there is no memory.
     pub fn new(period: u64) -> Option<Self> {
         let empty = Histogram::new_with_bounds(1, LONGEST, 3).ok()?;
         Some(Self {
@@ -42,47 +42,46 @@ impl Timing {
         })
     }
 
-    /// Counts a release that came `late` \[ns\].
+    /// Counts a release with a delay `late` \[ns\].
     pub fn released(&mut self, late: u64) {
         self.lateness.saturating_record(late.max(1));
         self.missed += late / self.period;
     }
 
-    /// Counts a step that took so long on its processor, and by the clock, at a time since the first
-    /// release \[ns\].
+    /// Counts a step: time on the processor, time by the clock, and time since the first release \[ns\].
     pub fn executed(&mut self, on_processor: u64, by_clock: u64, at: u64) {
         self.execution.saturating_record(on_processor.max(1));
         self.steps += 1;
-        // less is what looking at both clocks takes
+        // a smaller difference is the time to read both clocks
         self.taken += by_clock.saturating_sub(on_processor + CLOCKS);
         if on_processor > self.worst.0 {
             self.worst = (on_processor, at);
         }
     }
 
-    /// How late the releases were: for each time \[us\] the share that was later.
+    /// Distribution of the release delay: for each time \[us\] the share of later releases.
     pub fn later_than(&self) -> Vec<(f64, f64)> {
         beyond(&self.lateness)
     }
 
-    /// How long the steps took: for each time \[us\] the share that took longer.
+    /// Distribution of the execution time: for each time \[us\] the share of longer steps.
     pub fn longer_than(&self) -> Vec<(f64, f64)> {
         beyond(&self.execution)
     }
 
-    /// A share of the releases were at most so late \[us\].
+    /// Quantile of the release delay \[us\]; `share` in 0 to 1.
     pub fn lateness_us(&self, share: f64) -> f64 {
         self.lateness.value_at_quantile(share) as f64 * 1e-3
     }
 
-    /// A share of the steps took at most so long \[us\].
+    /// Quantile of the execution time \[us\]; `share` in 0 to 1.
     pub fn execution_us(&self, share: f64) -> f64 {
         self.execution.value_at_quantile(share) as f64 * 1e-3
     }
 }
 
-/// For each recorded time \[us\] the share of all that is above; the last one, which nothing is above, left
-/// out.
+/// Complementary distribution: for each recorded time \[us\] the share of values above it, without the
+/// largest one.
 fn beyond(histogram: &Histogram<u64>) -> Vec<(f64, f64)> {
     let all = histogram.len().max(1) as f64;
     let mut counted = 0;
@@ -107,7 +106,7 @@ mod tests {
             timing.executed(k, k + 20_000, k);
         }
         assert_eq!(timing.steps, 1000);
-        // later than 50 us once, than 100 us never: 500 releases at or beyond a period, one beyond two
+        // 501 delays of at least one period, one of them of two
         assert_eq!(timing.missed, 501 + 1);
         assert_eq!(timing.worst, (1000, 1000));
         let later = timing.later_than();

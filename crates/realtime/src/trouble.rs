@@ -1,4 +1,4 @@
-//! Faults at work on the way to a virtual machine, and in it.
+//! Fault injection into a virtual machine and its connection.
 
 use crate::fault::{Fault, Sensor, WrongPosition, WrongPressure};
 use crate::lockstep::Disturbance;
@@ -11,19 +11,19 @@ use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::VirtualCrane;
 use std::collections::VecDeque;
 
-/// What is done to a virtual machine.
+/// Change of a virtual machine during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tampering {
-    /// A fault begins; another one ends.
+    /// A fault begins; it replaces the present one.
     Fault(Fault),
-    /// What was broken is mended.
+    /// All faults end.
     Mend,
-    /// Another payload \[kg\] hangs on the boom.
+    /// The payload changes to this mass \[kg\].
     Payload(f64),
 }
 
 impl Tampering {
-    /// As it crosses to another process.
+    /// As words for another process.
     pub(crate) fn to_words(self) -> [u64; 2] {
         match self {
             Self::Mend => [0, 0],
@@ -35,7 +35,7 @@ impl Tampering {
         }
     }
 
-    /// Back again; none where the words mean nothing.
+    /// From words of another process; none if they are invalid.
     pub(crate) fn from_words([kind, value]: [u64; 2]) -> Option<Self> {
         match kind {
             0 => Some(Self::Mend),
@@ -46,22 +46,22 @@ impl Tampering {
     }
 }
 
-/// A fault at work.
+/// Active fault.
 #[derive(Clone, Copy)]
 struct Active {
     fault: Fault,
-    /// Periods since it began.
+    /// Periods since its start.
     since: u32,
-    /// The first reading under it.
+    /// First measurement during the fault.
     first: Option<AxisSignals<f64>>,
 }
 
-/// Faults at work, if any: a first one, and one that came on top of it.
+/// Active faults, if any: a first and a second one.
 #[derive(Clone)]
 pub struct Trouble {
     active: [Option<Active>; 2],
     before: VecDeque<AxisSignals<f64>>,
-    /// What is still to be done to the machine.
+    /// Change still to be applied to the machine.
     due: Option<Tampering>,
     sound: Description,
     burst: Description,
@@ -69,17 +69,17 @@ pub struct Trouble {
     period: f64,
 }
 
-/// How many readings a delayed sensor is late.
+/// Delay of a delayed sensor \[measurements\].
 const LATE: usize = 50;
-/// Leakage of a burst line \[m³/s/Pa\]: oil runs out as through a hole of 3 mm, 50 L/min at 70 bar.
+/// Leakage coefficient of a burst line \[m³/s/Pa\]: a hole of 3 mm, 50 L/min at 70 bar.
 const BURST: f64 = 3e-7;
 /// Speed of a drive that turns at zero command \[rev/s\].
 const UNCOMMANDED: f64 = 5.0;
-/// Noise of a transducer that shows something else \[Pa\].
+/// Noise amplitude of a wrong pressure signal \[Pa\].
 const NOISE: f64 = 5e3;
 
 impl Trouble {
-    /// None yet, for a machine as described.
+    /// No fault, for a machine as described.
     pub fn new(machine: &Description) -> Self {
         let mut burst = machine.clone();
         burst.numbers.case_leakage_a = BURST;
@@ -93,7 +93,7 @@ impl Trouble {
         }
     }
 
-    /// Lets it happen from the next period on.
+    /// Applies a change from the next period on.
     pub fn tamper(&mut self, what: Tampering) {
         match what {
             Tampering::Fault(fault) => {
@@ -111,12 +111,12 @@ impl Trouble {
         }
     }
 
-    /// Lets another fault come on top of the first one.
+    /// Adds a second fault.
     pub fn add(&mut self, fault: Fault) {
         self.active[1] = Some(Active { fault, since: 0, first: None });
     }
 
-    /// Counts a period as over.
+    /// Counts a period.
     pub fn pass(&mut self) {
         for active in self.active.iter_mut().flatten() {
             active.since = active.since.saturating_add(1);
@@ -134,7 +134,7 @@ impl Trouble {
     fn spoil(&self, sensor: usize, kind: Sensor, active: &Active, reading: &mut AxisSignals<f64>) {
         let mut values = reading.to_array();
         let first = active.first.unwrap_or(*reading);
-        // a tenth of a range: position, pressures, motor speed
+        // a tenth of the range: position, pressures, motor speed
         let tenth = match sensor {
             0 => 0.05,
             6 => 10.0,
@@ -156,13 +156,13 @@ impl Trouble {
     }
 }
 
-/// As if at random between -1 and 1, the same every time.
+/// Pseudo-random number in -1 to 1, reproducible.
 fn scatter(number: u32) -> f64 {
     let scatter = (f64::from(number) * 12.9898).sin() * 43_758.547;
     2.0 * (scatter - scatter.floor()) - 1.0
 }
 
-/// What transducers show that are plausible and wrong.
+/// Sets the wrong pressure signals.
 fn mistake(wrong: WrongPressure, since: u32, r: &mut AxisSignals<f64>) {
     let noise = NOISE * scatter(since);
     match wrong {
@@ -175,7 +175,7 @@ fn mistake(wrong: WrongPressure, since: u32, r: &mut AxisSignals<f64>) {
     }
 }
 
-/// Whether the machine's process answers, by time since its fault began in periods.
+/// Whether the machine's process is silent; `since` is the time since the fault began \[periods\].
 fn is_silent(fault: Fault, since: u32) -> bool {
     match fault {
         Fault::MachineKilled => true,
@@ -220,7 +220,7 @@ impl Disturbance for Trouble {
 
     fn command(&mut self, command: AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         let is_lost = self.faults().any(|(fault, since)| {
-            // a machine that begins anew does not take commands at once
+            // a restarting machine ignores commands for 500 periods
             is_silent(fault, since) || (fault == Fault::MachineRestarted && since < 500)
         });
         (!is_lost).then_some(command)

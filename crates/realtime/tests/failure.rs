@@ -1,4 +1,5 @@
-//! Real-time tasks that panic: the load is held, somebody is told why, and nothing waits for them.
+//! Real-time tasks that panic: the load is held, the attendant learns the reason, and no thread waits for
+//! them.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -26,7 +27,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 const CLOSED: Strategy = Strategy::SimulationFeedforwardClosedLoop;
 const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
 
-/// What was asked of a machine.
+/// Call of a machine's function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Call {
     Read,
@@ -34,20 +35,20 @@ enum Call {
     Write(u64, AxisCommand<f64>),
 }
 
-/// When a machine panics.
+/// Time at which a machine panics.
 #[derive(Clone, Copy)]
 enum Panics {
     /// Never.
     Never,
-    /// At the first look.
+    /// At the first call.
     AtOnce,
-    /// Once its valve has been open for a tenth of a second.
+    /// After its valve has been open for 0.1 s.
     InMotion,
-    /// Then, and at every call that comes after.
+    /// The same, and at every later call.
     ForGood,
 }
 
-/// A virtual crane that moves on by a period with each look at it, and panics.
+/// Virtual crane that advances by a period at each read, and panics.
 struct Panicking {
     crane: VirtualCrane,
     command: AxisCommand<f64>,
@@ -92,7 +93,7 @@ impl Machine for Panicking {
     }
 }
 
-/// Starts the course once the load is held, and keeps what it is shown and told.
+/// Starts the course once the load is held, and stores records and failures.
 struct Keeper {
     desk: Arc<Desk>,
     started: bool,
@@ -121,18 +122,18 @@ impl Attendant for Keeper {
     }
 }
 
-/// One session at a time: their threads have the same two cores.
+/// Mutual exclusion of the sessions: their threads share the same two cores.
 static ALONE: Mutex<()> = Mutex::new(());
 
 struct Session {
     keeper: Keeper,
     calls: Vec<Call>,
-    /// None where the session itself panicked.
+    /// None if the session itself panicked.
     real_time: Option<RealTime>,
     _alone: MutexGuard<'static, ()>,
 }
 
-/// A session in real time in which a course is begun.
+/// Session in real time in which a course is started.
 fn session(panics: Panics, attendant_panics: bool) -> Session {
     let alone = ALONE.lock().unwrap_or_else(|lock| lock.into_inner());
     let model = Description::uia_single_boom().unwrap();
@@ -152,7 +153,8 @@ fn session(panics: Panics, attendant_panics: bool) -> Session {
         calls: Arc::clone(&calls),
     };
     let n = &model.numbers;
-    // a computer that is busy otherwise misses deadlines, and this machine waits for it
+    // on a busy computer deadlines are missed; this simulated machine waits, so that neither is a fault
+    // here
     let limits = Limits {
         missed: u32::MAX,
         watchdog: f64::INFINITY,
@@ -179,13 +181,13 @@ fn session(panics: Panics, attendant_panics: bool) -> Session {
     Session { keeper, calls, real_time: ran.ok(), _alone: alone }
 }
 
-/// What was asked of the machine before it panicked, and after.
+/// Calls before and after the panic.
 fn around_the_panic(calls: &[Call]) -> (&[Call], &[Call]) {
     let at = calls.iter().position(|call| *call == Call::Panic).unwrap();
     (&calls[..at], &calls[at + 1..])
 }
 
-/// The reason why the control task failed, of which everybody was told once.
+/// Reason of the control task's failure, which must have been reported once.
 fn reason(session: &Session) -> &str {
     let real_time = session.real_time.as_ref().unwrap();
     assert_eq!(real_time.failures, session.keeper.failures);
@@ -201,7 +203,7 @@ fn a_control_task_that_panics_in_motion_holds_the_load_within_the_period() {
     let (before, after) = around_the_panic(&session.calls);
     let Some(Call::Write(last, moving)) = before.last() else { panic!("{:?}", before.last()) };
     assert_eq!(moving.holding_valve, 1.0);
-    // the next call of all, then in every period, and nothing else any more
+    // the safe command comes with the next call, then in every period, and no other call follows
     for (k, call) in after.iter().enumerate() {
         assert_eq!(*call, Call::Write(last + 1 + k as u64, HELD));
     }

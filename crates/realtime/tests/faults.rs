@@ -1,4 +1,5 @@
-//! A fixed share of the fault campaign, with every kind of fault: `hydroboom faults --all` runs the rest.
+//! A fixed share of the fault-injection campaign with every kind of fault. `hydroboom faults --all` runs
+//! the rest.
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::State;
@@ -28,12 +29,12 @@ fn judge(outcome: &Outcome, crane: &str) {
         o.dropped * 1e3
     );
     assert!(o.is_within_bounds(), "{what}");
-    // a valve that does not shut holds nothing, and a line that has burst carries nothing
+    // a valve that does not shut cannot hold the load
     let holds = o.fault != Fault::ValveStuckOpen;
     assert!(!holds || o.dropped < DROP, "{what}");
 }
 
-/// Every fault, alone and with a second one on top, at moments and under strategies in turn.
+/// Every fault alone and with a second one, with moments and strategies in turn.
 #[test]
 fn every_kind_of_fault_keeps_to_its_bounds() {
     let crane = &campaign_cranes().unwrap()[0];
@@ -49,7 +50,8 @@ fn every_kind_of_fault_keeps_to_its_bounds() {
         .collect();
     let mut cases = Vec::new();
     for (k, fault) in Fault::all().into_iter().enumerate() {
-        // two of the 25 ways alone, one with each second fault: every way comes again and again
+        // two of the 25 combinations of strategy and moment alone, one with each second fault; the strides
+        // visit every combination
         for (j, second) in [None, None].into_iter().chain(Fault::seconds().map(Some)).enumerate() {
             cases.push((&ways[(7 * k + 11 * j) % ways.len()], fault, second));
         }
@@ -59,7 +61,7 @@ fn every_kind_of_fault_keeps_to_its_bounds() {
     });
 }
 
-/// The same on another load, lever and bore, with the fastest and the slowest valve.
+/// The same for another payload, lever and bore, with the fastest and the slowest valve.
 #[test]
 fn other_cranes_keep_to_their_bounds() {
     let mut cranes = Vec::new();
@@ -81,7 +83,7 @@ fn other_cranes_keep_to_their_bounds() {
     });
 }
 
-/// The cranes of the campaign run their course under the benchmark without a fault.
+/// The cranes of the campaign complete their course under the benchmark controller without a fault.
 #[test]
 fn the_cranes_of_the_campaign_are_stable() {
     campaign_cranes().unwrap().into_par_iter().for_each(|crane| {
@@ -94,7 +96,7 @@ fn the_cranes_of_the_campaign_are_stable() {
         while !operator.is_done() && periods < 80_000 {
             last = run.period(&mut operator, strategy).unwrap();
             periods += 1;
-            // at rest at the far end, the benchmark has settled
+            // at rest at the far end the benchmark controller has settled
             let settled = motion.rest + motion.travel_time() + 0.6 * motion.dwell;
             if last.course_time.is_some_and(|t| (settled..settled + 1.0).contains(&t)) {
                 swing = swing.max(last.error().unwrap_or(0.0).abs());

@@ -1,4 +1,4 @@
-//! Position against a machine's own delivered flow, as one good cycle showed it.
+//! Monitor of position against delivered flow with the baseline of one healthy cycle.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -19,11 +19,11 @@ const STRATEGY: Strategy = Strategy::BenchmarkClosedLoop;
 
 struct Course {
     records: Vec<Record>,
-    /// How far the piston itself was from where it was shown when the course ended \[m\].
+    /// Difference between true and measured position at the end of the course \[m\].
     wrong: f64,
 }
 
-/// A course at a speed \[m/s\] in which something goes wrong at a time of it \[s\].
+/// Course at a speed \[m/s\] with an optional fault at a time of it \[s\].
 fn course(limits: Limits, speed: f64, wrong: Option<(Fault, f64)>) -> Course {
     let model = Description::uia_single_boom().unwrap();
     let machine = Description::uia_virtual().unwrap();
@@ -56,7 +56,7 @@ fn recorded() -> (Limits, FlowBaseline) {
 #[test]
 fn a_drift_is_found_before_10_mm_and_a_gain_of_5_percent_within_a_stroke() {
     let (narrowed, baseline) = recorded();
-    // what the virtual crane's pump delivers, its slip apart
+    // flow gain of the virtual crane's pump, without its slip
     let machine = Description::uia_virtual().unwrap();
     assert!((baseline.gain / machine.numbers.flow_gain - 1.0).abs() < 0.01, "{baseline:?}");
     assert!(baseline.residual < 1e-3, "{baseline:?}");
@@ -113,7 +113,7 @@ fn a_baseline_comes_back_from_its_file_and_not_for_another_crane() {
         assert!(refused.contains(key), "{refused}");
     }
     std::fs::remove_file(&path).unwrap();
-    // a course that was stopped is no good one
+    // a stopped course is refused
     let limits = limits(&model, model.numbers.fast).unwrap();
     let stopped = course(limits, model.numbers.fast, Some((Fault::OperatorGone, 3.0)));
     let refused = FlowBaseline::of_course(&model, &limits.flow, &stopped.records).unwrap_err();

@@ -1,7 +1,8 @@
-//! Hand-overs to and from the scheduled LQR in motion, and beginnings of its estimator: without a jump of the command, and with the piston near its course.
+//! Changes of strategy to and from the scheduled LQR in motion, and initialisation of its estimator: the
+//! command does not jump, and the piston stays near its course.
 //!
-//! The supervisor limits every command to the motor's slew, which would hide a jump behind a ramp; so what is looked at is how far the command moves
-//! within a few periods, beside what each strategy's own command moves within as many.
+//! The supervisor limits every command to the motor's slew rate, which would hide a jump behind a ramp. The
+//! test therefore compares the change of the command over a few periods with that of each strategy alone.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -19,15 +20,16 @@ use std::ops::Range;
 use std::sync::Arc;
 
 const LQR: Strategy = Strategy::ScheduledLqr;
-/// Times of the course \[s\]: in a ramp, at speed, on the way back.
+/// Times of the course \[s\]: during a ramp, at constant speed, on the way back.
 const MOMENTS: [f64; 3] = [2.5, 4.0, 13.5];
-/// The command is looked at for so long after a hand-over \[s\], and its changes over so many periods.
+/// Time after a change of strategy in which the command is checked \[s\], and number of periods over which
+/// its change is taken.
 const LOOKED_AT: f64 = 0.1;
 const PERIODS: usize = 5;
-/// Change of the command that the motor's slew limit allows in a period \[rev/s\].
+/// Change of the command in a period that the motor's slew limit allows \[rev/s\].
 const SLEW: f64 = 0.5;
 
-/// A period, and how far the piston truly was from the reference \[m\].
+/// Record of a period with the true tracking error \[m\].
 type Seen = (Record, f64);
 
 fn lockstep(strategy: Strategy) -> Lockstep {
@@ -37,7 +39,7 @@ fn lockstep(strategy: Strategy) -> Lockstep {
     Lockstep::new(&model, &crane, motion, strategy).unwrap()
 }
 
-/// Goes on to the end of a course under strategies by the course's time.
+/// Runs to the end of a course with the strategy as a function of the course's time.
 fn go_on(
     run: &mut Lockstep,
     operator: &mut Operator,
@@ -60,7 +62,8 @@ fn course(strategy: impl Fn(f64) -> Strategy, disturbance: &mut dyn Disturbance)
     go_on(&mut run, &mut Operator::automatic(1e-3), strategy, disturbance)
 }
 
-/// How far the command moves within a few periods at most \[rev/s\], at times of the course \[s\].
+/// Largest change of the command over [`PERIODS`] periods \[rev/s\] in an interval of the course's time
+/// \[s\].
 fn largest_move(seen: &[Seen], times: Range<f64>) -> f64 {
     let moves = seen.windows(PERIODS + 1).filter_map(|w| {
         let [first, .., last] = w else { return None };
@@ -81,13 +84,15 @@ fn largest_error_in(seen: &[Seen], times: Range<f64>) -> f64 {
     errors.fold(0.0, |most, (_, error)| most.max(error.abs()))
 }
 
-/// The promise of a hand-over between the scheduled LQR and any other strategy, in motion:
+/// Requirements on a change between the scheduled LQR and another strategy in motion:
 ///
-/// - In the period of the hand-over the command stays where it is. In the 20 ms after it the command moves no further within five periods than both strategies'
-///   own commands together, in which their noise and the ramp's slope are, and the slew limit of one period.
-/// - The piston is off by no more than a tenth more than at the hand-over and 1.2 times what the new strategy ever leaves; in open loop, twice that, as its
-///   error may have been on the other side.
-/// - Three seconds after it took over the scheduled LQR leaves no more than it ever leaves alone.
+/// - In the period of the change the command is constant. In the 20 ms after it, its change over five
+///   periods is limited. The limit is the sum of both strategies' own changes, which contain noise and the
+///   slope of the ramp, and the slew limit of one period.
+/// - The tracking error is limited to 1.1 times the error at the change, plus 1.2 times the largest error
+///   of the new strategy alone. In open loop the limit is twice that, because the error may have had the
+///   opposite sign.
+/// - Three seconds after its activation the scheduled LQR has no larger error than alone.
 #[test]
 fn a_hand_over_in_motion_moves_neither_the_command_nor_the_piston() {
     let alone: Vec<Vec<Seen>> =
@@ -125,7 +130,7 @@ fn a_hand_over_in_motion_moves_neither_the_command_nor_the_piston() {
     });
 }
 
-/// Readings that do not arrive for some periods of the course.
+/// Loses the measurements of some periods of the course.
 struct Lost {
     from: f64,
     periods: u32,
@@ -142,8 +147,9 @@ impl Disturbance for Lost {
     }
 }
 
-/// The filter goes on by its model while readings are missing, and takes the next one in: the command moves as it does in every other period. Eight periods are
-/// longer than a reading counts as fresh, and shorter than the supervisor bears.
+/// While measurements are missing the filter predicts by its model, and it corrects with the next one. The
+/// command changes no more than in other periods. Eight periods make a measurement stale but are less than
+/// the supervisor tolerates.
 #[test]
 fn lost_readings_move_neither_the_command_nor_the_piston() {
     let alone = course(|_| LQR, &mut Undisturbed);
@@ -161,7 +167,8 @@ fn lost_readings_move_neither_the_command_nor_the_piston() {
     }
 }
 
-/// A course from the held load, a stop in motion, and once the boom has come to rest another course from there.
+/// Course from the held load, a stop in motion, and a second course from there after the boom's oscillation
+/// has decayed.
 fn stopped_and_begun_again(strategy: Strategy) -> Vec<Seen> {
     let mut run = lockstep(strategy);
     let mut operator = Operator::automatic(1e-3);
@@ -181,8 +188,9 @@ fn stopped_and_begun_again(strategy: Strategy) -> Vec<Seen> {
     go_on(&mut run, &mut Operator::automatic(1e-3), |_| strategy, &mut Undisturbed)
 }
 
-/// Every release begins with a new estimator, the first one as well as that after a stop in motion. The strategy's first command is the speed that the release
-/// ended with. What it does then, while the load settles on the pump, leaves the piston no farther off than the benchmark does.
+/// Every release initialises the estimator, also after a stop in motion. The strategy's first command
+/// equals the speed at the end of the release. While the load settles on the pump, the tracking error is no
+/// larger than under the benchmark controller.
 #[test]
 fn a_release_begins_without_a_jump_also_after_a_stop() {
     let first = |strategy: Strategy| course(|_| strategy, &mut Undisturbed);

@@ -1,5 +1,6 @@
-//! A machine over the local interface in simulated time, and what goes wrong between both. Judged on the machine: its motor stands and its pilots are shut
-//! in time, and its piston has not gone further than a stop may take.
+//! Machine on the local interface in simulated time, with faults of either end and of the connection.
+//! Judged on the machine: its motor stands and its pilots are shut in time, and its piston stays within the
+//! stopping distance.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -30,10 +31,10 @@ use std::sync::Arc;
 const STRATEGY: Strategy = Strategy::BenchmarkClosedLoop;
 const PERIOD: f64 = 1e-3;
 const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
-/// Periods of the machine's watchdog.
+/// Watchdog time of the machine \[periods\].
 const WATCHDOG_PERIODS: u32 = WATCHDOG.as_millis() as u32;
 
-/// What is done to a measurement on its way.
+/// Disturbance of a measurement in transit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Spoilt {
     Silent,
@@ -43,7 +44,7 @@ enum Spoilt {
     OtherSession,
 }
 
-/// A virtual crane behind the interface, with a watchdog of its own.
+/// Virtual crane behind the interface, with a watchdog of its own.
 struct Machine {
     socket: UdpSocket,
     session: Session,
@@ -100,7 +101,7 @@ impl Machine {
         self.session = Session::new(header.session);
     }
 
-    /// Samples, and sends it as it is or spoilt.
+    /// Samples and sends a measurement, intact or disturbed.
     fn send(&mut self, spoilt: Option<Spoilt>) {
         let signals = self.crane.signals().to_array();
         let state = match (self.fault, self.is_enabled) {
@@ -137,7 +138,7 @@ impl Machine {
         self.socket.send(&bytes[..length]).unwrap();
     }
 
-    /// Takes commands, and goes on for a period.
+    /// Receives commands and advances by a period.
     fn go_on(&mut self) {
         let (mut bytes, mut is_new) = ([0; LONGEST], false);
         while let Ok(length) = self.socket.recv(&mut bytes) {
@@ -213,7 +214,7 @@ impl Rig {
         record
     }
 
-    /// Until the piston runs at its full speed.
+    /// Runs until the piston moves at full speed.
     fn at_full_speed() -> Self {
         let mut rig = Self::new();
         for _ in 0..20_000 {
@@ -228,7 +229,8 @@ impl Rig {
         panic!("it does not come to full speed");
     }
 
-    /// Goes on until the machine is safe; after how many periods that was, and how far the piston went meanwhile and within the second after.
+    /// Runs until the machine is safe. Returns the number of periods, and the piston's travel up to one
+    /// second after.
     fn until_safe(&mut self, mut period: impl FnMut(&mut Self, u32)) -> (u32, f64) {
         let from = self.machine.stroke();
         let (mut safe_after, mut furthest) = (None, 0.0_f64);
@@ -243,12 +245,12 @@ impl Rig {
         (safe_after.unwrap_or(u32::MAX), furthest)
     }
 
-    /// Furthest that the piston may go in a stop that begins after a time [s].
+    /// Upper bound of the piston's travel for a stop that begins after a time [s].
     fn stopping_distance(&self, after: f64) -> f64 {
         self.limits.speed * (self.limits.stopping_time() + after)
     }
 
-    /// Periods in which an immediate stop has valve and motor at rest: valve, then the motor at its slew.
+    /// Periods of an immediate stop: closing time of the valve, and the motor's ramp to zero.
     fn stopping_periods(&self) -> u32 {
         let brake = self.limits.motor_speed / self.limits.motor_slew;
         ((self.limits.valve_time.max(brake) + self.limits.drive.response * 5.0) / PERIOD) as u32
@@ -268,7 +270,7 @@ fn a_course_runs_and_its_delay_is_that_of_the_machine() {
     let (counters, refused) = rig.run.bus.endpoint.counters();
     assert_eq!((counters.lost, counters.dropped(), refused), (0, 0, 0));
     assert_eq!(last.status, Some(MachineStatus::Enabled));
-    // it is sent as it is sampled, and what answers it acts at once
+    // measurements are sent as sampled, and the command that answers one acts at once
     assert_eq!(last.link.unwrap().delay.unwrap().cycles(), [0, 0]);
 }
 
@@ -307,12 +309,12 @@ fn a_control_task_that_stands_still_has_its_load_held_until_it_holds_it_itself()
             ordered_after = ordered_after.or(Some(k));
         }
     });
-    // not by the machine's watchdog, which has commands
+    // not by the machine's watchdog, which receives the bus task's commands
     assert_eq!(ordered_after, Some(SILENT as u32 + 1));
     assert!(!rig.machine.is_held);
     assert!(safe_after <= SILENT as u32 + 1 + rig.stopping_periods(), "{safe_after}");
     assert!(furthest < rig.stopping_distance(0.0), "{furthest}");
-    // control goes on, and wants to move the load at first
+    // the control task resumes and first commands motion
     for k in 0..200 {
         let record = rig.period(None);
         assert_eq!(record.decision.cause, Some(Cause::WatchdogExpired), "{k}");
@@ -323,7 +325,7 @@ fn a_control_task_that_stands_still_has_its_load_held_until_it_holds_it_itself()
 #[test]
 fn a_short_stall_of_control_is_a_fault_too_and_opens_no_valve_again() {
     let mut rig = Rig::at_full_speed();
-    // shorter than the machine's watchdog and the supervisor's
+    // shorter than the watchdog times of machine and supervisor
     for _ in 0..5 {
         rig.machine.send(None);
         rig.run.stalled_period();
@@ -341,7 +343,7 @@ fn commands_that_do_not_arrive_are_noticed_and_the_load_stays_held_when_they_do_
     rig.machine.is_deaf = true;
     let mut found = None;
     let (safe_after, furthest) = rig.until_safe(|rig, k| {
-        // after that they arrive again
+        // from then on commands arrive again
         rig.machine.is_deaf = k <= 3 * WATCHDOG_PERIODS;
         let record = rig.period(None);
         found = found.or(record.decision.cause.map(|cause| (k, cause)));

@@ -1,4 +1,4 @@
-//! The executive in simulated time, on the virtual crane.
+//! Executive in simulated time with the virtual crane.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -24,7 +24,8 @@ fn case(overrides: &[&str]) -> Case {
     case_of(&Description::uia_single_boom().unwrap(), overrides)
 }
 
-/// The paper's crane with a pump of which little is known: what it delivers cannot contradict the position.
+/// The paper's crane with a wide range of the pump's flow gain, so that delivered flow cannot contradict
+/// the position.
 fn wide_flow_gain() -> Description {
     let text = UIA_SINGLE_BOOM
         .replace("value = 0.91, range = [0.86, 0.98]", "value = 0.91, range = [0.7, 1.0]");
@@ -42,7 +43,7 @@ fn case_of(model: &Description, overrides: &[&str]) -> Case {
     Case { model, crane, motion }
 }
 
-/// A whole course, from the load held to the load held; the strategy may depend on what was.
+/// Course from held load to held load. The next period's strategy is a function of the last record.
 fn course(case: &Case, first: Strategy, then: impl Fn(&Record) -> Strategy) -> Vec<Record> {
     let run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
     led(run, first, then)
@@ -79,7 +80,7 @@ fn every_strategy_runs_its_course_and_the_load_is_released_and_held_softly() {
         let drop = records[at..at + 500].iter().map(|r| held - r.signals().stroke);
         let drop = drop.fold(0.0, f64::max);
         assert!(drop < 1e-3, "dropped {drop} m");
-        // and it is what the lab finds for the strategy, which starts from a released load
+        // the same error as in the lab's simulation, which starts with a released load
         let published = if strategy.measures() { 1.1 } else { 30.0 };
         assert!(rms_mm(&records) < published, "{}: {} mm", strategy.name(), rms_mm(&records));
     }
@@ -116,7 +117,7 @@ fn strategies_change_without_a_bump() {
         let speeds =
             steps.map(|w| w[1].decision.command.motor_speed - w[0].decision.command.motor_speed);
         let largest = speeds.fold(0.0, |most: f64, step| most.max(step.abs()));
-        // noise of position and pressure through the controller's gains, and a ramp's slope
+        // noise of position and pressure times the controller's gains, and the slope of a ramp
         assert!(largest < 0.25, "{} to {}: {largest} rev/s", first.name(), then.name());
         assert_eq!(records[records.len() - 1].decision.state, State::Holding);
     }
@@ -124,7 +125,7 @@ fn strategies_change_without_a_bump() {
 
 #[test]
 fn the_benchmark_takes_over_from_a_simulation_that_is_not_true() {
-    // a pump that delivers a fifth less: in open loop the machine falls behind the simulation
+    // the pump delivers a fifth less: in open loop the machine falls behind the simulation
     let far = case_of(&wide_flow_gain(), &["pump.flow_gain=0.75"]);
     let records = course(&far, Strategy::SimulationFeedforwardOpenLoop, |_| {
         Strategy::SimulationFeedforwardOpenLoop
@@ -146,7 +147,7 @@ fn a_motor_too_weak_for_the_load_ends_in_a_fault_with_the_load_held() {
     assert!(
         matches!(
             end.cause,
-            // the load turns it backwards
+            // the load drives the motor backwards
             Some(Cause::DriveNotFollowing | Cause::DriveUncommanded | Cause::NoLift)
         ),
         "{:?}",
@@ -176,7 +177,7 @@ fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
     assert!(operator.is_done());
 }
 
-/// A simulated crane that is found to carry less takes it on without jumping off.
+/// A change of the simulated payload to an estimate does not excite the simulated crane.
 #[test]
 fn another_payload_is_taken_on_gently() {
     let model = Description::uia_single_boom().unwrap();

@@ -1,9 +1,10 @@
-//! The examples of a machine, in C and in Python, each a process of its own around the live C library: they play a course at 120 mm/s as the same crane does
-//! in this process, and hold their load when the controller goes, or when they were stopped themselves.
+//! Example machines in C and in Python, each a process of its own around the live C library. Each follows a
+//! course at 120 mm/s as the same crane does in this process. Each holds its load when the controller
+//! stops, and after it was suspended itself.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-// the library that the examples load is built because of this
+// the dependency makes cargo build the library that the examples load
 use hydroboom_live as _;
 
 use hydroboom_control::strategy::Strategy;
@@ -29,15 +30,15 @@ const STRATEGY: Strategy = Strategy::SimulationFeedforwardClosedLoop;
 const PERIOD: f64 = 1e-3;
 /// Largest RMS tracking error of a strategy with feedback at 120 mm/s, as in tests/lockstep.rs [m].
 const LARGEST_RMS: f64 = 1.1e-3;
-/// Largest difference between both plants, the same crane in two processes, at any time of the course [m]: rounding, which a
-/// check valve may make larger.
+/// Largest position difference between the same crane in two processes at any time of the course [m].
+/// Rounding causes it, and a check valve can amplify it.
 const SAME: f64 = 1e-6;
-/// Furthest that a held load moves [mm].
+/// Largest movement of a held load [mm].
 const HELD: f64 = 0.05;
-/// Control periods of a course, at most.
+/// Largest number of control periods of a course.
 const LONGEST: usize = 60_000;
 
-/// The folder in which cargo puts the library, beside this test.
+/// Target directory of this test, which also contains the library.
 fn built() -> PathBuf {
     std::env::current_exe().unwrap().parent().unwrap().to_path_buf()
 }
@@ -66,7 +67,7 @@ fn in_c() -> Command {
     command
 }
 
-/// The example in Python; none where there is no Python.
+/// Example in Python; none if there is no Python.
 fn in_python() -> Option<Command> {
     if Command::new("python3").arg("--version").output().is_err() {
         eprintln!("skipped: python3 is not on the PATH");
@@ -78,14 +79,15 @@ fn in_python() -> Option<Command> {
     Some(command)
 }
 
-/// The crane that the examples open. Its sensors have no noise: a signal that repeats itself is not stuck.
+/// Crane that the examples open. Its sensors have no noise, so that the monitor of stuck signals is
+/// switched off.
 fn model() -> Description {
     let mut model = Description::uia_single_boom().unwrap();
     model.set("supervision.stuck_ms=0").unwrap();
     model
 }
 
-/// A controller in this process, and a machine in another.
+/// Controller in this process and machine in another.
 struct Rig {
     run: LocalLockstep,
     machine: Child,
@@ -123,7 +125,7 @@ impl Rig {
         self.run.period(&mut self.operator, &self.desk)
     }
 
-    /// Until the piston runs at its full speed.
+    /// Runs until the piston moves at full speed.
     fn at_full_speed(machine: Command) -> Self {
         let mut rig = Self::new(machine);
         for _ in 0..LONGEST {
@@ -137,13 +139,13 @@ impl Rig {
         panic!("it does not come to full speed");
     }
 
-    /// Furthest that the piston may go after the last command [mm].
+    /// Upper bound of the piston's travel after the last command [mm].
     fn stopping_distance(&self) -> f64 {
         1e3 * self.limits.speed * (self.limits.stopping_time() + WATCHDOG.as_secs_f64())
     }
 }
 
-/// What a machine says in the end: position at the last command and in the end [mm], motor speed, valve.
+/// Final output of a machine: position at the last command and at the end [mm], motor speed, valve.
 fn end_of(machine: Child) -> [f64; 4] {
     let output = machine.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", output.status);
@@ -154,12 +156,12 @@ fn end_of(machine: Child) -> [f64; 4] {
     numbers.try_into().unwrap()
 }
 
-/// Times of the course, and where the piston was [m].
+/// Course time and position of the piston [m].
 fn strokes(records: &[Record]) -> Vec<(f64, f64)> {
     records.iter().filter_map(|r| Some((r.course_time?, r.signals().stroke))).collect()
 }
 
-/// The same course in this process.
+/// Records of the same course with the crane in this process.
 fn simulated_here() -> &'static [Record] {
     static RECORDS: OnceLock<Vec<Record>> = OnceLock::new();
     RECORDS.get_or_init(|| {
@@ -174,7 +176,7 @@ fn simulated_here() -> &'static [Record] {
     })
 }
 
-/// A whole course: followed as in this process, the load held in the end, nothing lost and nothing late.
+/// Runs a course: positions as in this process, load held at the end, no datagram lost or late.
 fn plays_a_course(machine: Command) {
     let mut rig = Rig::new(machine);
     let mut records = Vec::new();
@@ -219,7 +221,7 @@ fn a_machine_whose_controller_goes_in_motion_stops_itself() {
     drop(rig.run);
     let [last, end, motor, valve] = end_of(rig.machine);
     assert_eq!([motor, valve], [0.0, 0.0]);
-    // it went on for the time of its watchdog
+    // it continued for its watchdog time
     assert!(end > last && end - last < most, "from {last} to {end} mm, {most} mm are allowed");
 }
 
@@ -227,7 +229,7 @@ fn a_machine_whose_controller_goes_in_motion_stops_itself() {
 fn a_machine_that_is_stopped_is_lost_and_holds_its_load_when_it_goes_on() {
     let mut rig = Rig::at_full_speed(in_c());
     let stopped_at = 1e3 * rig.period().signals().stroke;
-    // simulated time goes on without it until it is found to be lost
+    // simulated time continues without the machine until the supervisor reports it as lost
     let most = rig.stopping_distance() + 1e3 * rig.limits.speed * rig.limits.stale;
     let process = rig.machine.id().to_string();
     let signal = |name: &str| {
@@ -239,7 +241,7 @@ fn a_machine_that_is_stopped_is_lost_and_holds_its_load_when_it_goes_on() {
     assert_eq!(causes[found], Some(Cause::MachineLost));
     assert!(found as f64 * PERIOD <= rig.limits.stale + 3.0 * PERIOD, "{found}");
     signal("-CONT");
-    // it is told to hold its load, and does
+    // it is commanded to hold its load, and does
     let mut last = rig.period();
     (0..500).for_each(|_| last = rig.period());
     assert_eq!(

@@ -1,4 +1,4 @@
-//! The cycle allocates nothing.
+//! The control cycle allocates no memory.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -37,7 +37,7 @@ fn simulation_control_and_exchange_allocate_nothing() {
     }
 }
 
-/// Both sides of the local interface, whatever comes.
+/// Both sides of the local interface, with any datagram.
 #[test]
 fn the_bus_task_and_its_exchange_allocate_nothing() {
     let (mut bus, mut machine) = BusTask::open(0, 1e-3).unwrap();
@@ -69,7 +69,7 @@ fn the_bus_task_and_its_exchange_allocate_nothing() {
         assert_no_alloc(|| {
             assert_eq!(bus.receive(clock), 1);
             assert_eq!(machine.read().map(|incoming| incoming.measurement.number), Some(k));
-            // now and then control is lost
+            // the control task is lost from time to time
             let is_lost = k.is_multiple_of(10);
             if !is_lost {
                 machine.write(k, &Outgoing::SAFE);
@@ -84,7 +84,7 @@ fn the_bus_task_and_its_exchange_allocate_nothing() {
 
 fn allocate_nothing(strategy: Strategy) {
     let model = Description::uia_single_boom().unwrap();
-    // its payload is estimated, and simulated then
+    // another payload than the model's, so that it is estimated and simulated
     let mut crane = Description::uia_virtual().unwrap();
     crane.set("payload.mass_kg=150").unwrap();
     let motion = crane.motion(model.numbers.fast);
@@ -107,9 +107,9 @@ fn allocate_nothing(strategy: Strategy) {
     let mut moved = false;
     let mut state = State::Idle;
     for k in 0..10_000_u64 {
-        // the machine is another process
+        // the machine is in another process
         shared.show(&Incoming::new(machine.measurement(), None));
-        // as the executive guards its tasks
+        // guarded as the executive guards its tasks
         assert_eq!(assert_no_alloc(|| guarded(|| k)), Ok(k));
         let record = assert_no_alloc(|| {
             let incoming: Option<Incoming> = shared.read();

@@ -1,4 +1,5 @@
-//! The release of the load, judged on the simulated machine: no load drops, whatever pressures show.
+//! Release of the load, judged by the true state of the simulated machine: no load drops, whatever the
+//! pressure signals.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -16,16 +17,16 @@ const STRATEGY: Strategy = Strategy::BenchmarkClosedLoop;
 /// Largest drop of a held load \[m\].
 const DROP: f64 = 3e-3;
 
-/// A crane that is to be released.
+/// Crane to be released.
 #[derive(Clone, Debug)]
 struct Crane {
-    /// Share of the nominal payload.
+    /// Payload over the nominal payload.
     payload: f64,
-    /// Pressure at which the oil stiffens \[bar\].
+    /// Transition pressure of the oil \[bar\].
     transition: f64,
-    /// Pressure shut in on the rod side \[bar\].
+    /// Pressure trapped on the rod side \[bar\].
     rod_side: f64,
-    /// Where the piston is held \[mm\].
+    /// Position of the held piston \[mm\].
     stroke: f64,
     /// Further overrides.
     others: &'static [&'static str],
@@ -34,18 +35,18 @@ struct Crane {
 const NOMINAL: Crane =
     Crane { payload: 1.0, transition: 35.0, rod_side: 3.36, stroke: 50.0, others: &[] };
 
-/// What came of a release.
+/// Result of a release.
 #[derive(Debug)]
 struct Released {
     cause: Option<Cause>,
     /// Whether the load was released.
     released: bool,
-    /// How far it sank below where it was held, until a second after the release or for the whole time
+    /// Largest drop below the held position until one second after the release, or over the whole time
     /// \[m\].
     dropped: f64,
-    /// How far it was lifted \[m\].
+    /// Lift during the release \[m\].
     lifted: f64,
-    /// How far it rose at all, until a second after the release \[m\].
+    /// Largest rise until one second after the release \[m\].
     sprung: f64,
     /// Duration of the release \[s\].
     time: f64,
@@ -102,8 +103,8 @@ fn released_by(model: &Description, machine: &Description, wrong: Option<Fault>)
     result
 }
 
-/// Every plausible load, oil and rod side is released without a drop, or stays held, within the time that the crane
-/// file's ranges give.
+/// Every plausible load, oil and rod-side pressure is released without a drop, or the load stays held. Each
+/// takes no longer than the crane file's ranges imply.
 #[test]
 fn healthy_cranes_are_released_and_do_not_drop() {
     let mut cranes = Vec::new();
@@ -124,7 +125,7 @@ fn healthy_cranes_are_released_and_do_not_drop() {
     let longest = limits.release.largest_duration;
     cranes.into_par_iter().for_each(|crane| {
         let released = release(&crane, None);
-        // with pressure shut in on the rod side the load would spring: then it stays held
+        // with pressure trapped on the rod side the load would spring up: a refusal is correct then
         let refused = released.cause == Some(Cause::TrappedPressure);
         assert!(
             !(refused && (released.released || crane.rod_side < 10.0)),
@@ -138,7 +139,8 @@ fn healthy_cranes_are_released_and_do_not_drop() {
     });
 }
 
-/// Wrong from before the start: released by motion, or refused; the load does not drop.
+/// Wrong pressures from before the start: the load is released by the proof of motion or refused, and does
+/// not drop.
 #[test]
 fn wrong_pressures_do_not_drop_the_load() {
     let wrong = [
@@ -164,7 +166,7 @@ fn wrong_pressures_do_not_drop_the_load() {
     });
 }
 
-/// A position that moves by itself proves nothing.
+/// A drifting position signal is no proof of motion.
 #[test]
 fn a_drifting_position_is_refused() {
     for drift in [WrongPosition::Drift2, WrongPosition::Drift20] {
@@ -176,7 +178,7 @@ fn a_drifting_position_is_refused() {
     }
 }
 
-/// A load beyond what the pump may lift is refused, and says so.
+/// A load beyond the pump's limit is refused with its own cause.
 #[test]
 fn a_load_that_cannot_be_lifted_is_refused() {
     let heavy = Crane { payload: 2.2, ..NOMINAL };
@@ -185,7 +187,7 @@ fn a_load_that_cannot_be_lifted_is_refused() {
     assert!(released.dropped < 1e-3, "{released:?}");
 }
 
-/// Where pressure is shut in on the rod side, the spring of a released load keeps to what is allowed.
+/// With pressure trapped on the rod side, the spring-up of a released load keeps to its limit.
 #[test]
 fn a_load_with_pressure_on_its_rod_side_springs_no_further_than_allowed() {
     let model = Description::uia_single_boom().unwrap();
@@ -195,7 +197,7 @@ fn a_load_with_pressure_on_its_rod_side_springs_no_further_than_allowed() {
         for rod_side in [15.0, 30.0, 60.0] {
             let crane = Crane { payload, rod_side, ..NOMINAL };
             let released = release(&crane, None);
-            // it overshoots, as a spring does, and the softest oil was reckoned with
+            // the spring-up overshoots, and its limit is computed for the softest oil
             assert!(released.sprung < 2.0 * most, "{crane:?}: {released:?}");
             released_some |= released.released;
         }
@@ -203,7 +205,8 @@ fn a_load_with_pressure_on_its_rod_side_springs_no_further_than_allowed() {
     assert!(released_some);
 }
 
-/// A valve that blocks both ways cannot be passed by the pump: delivered volume and pressure release it.
+/// The pump cannot open a valve that blocks in both directions: delivered volume and pressure prove the
+/// release.
 #[test]
 fn a_valve_without_check_function_is_released_on_volume_and_pressure() {
     let mut model = Description::uia_single_boom().unwrap();

@@ -1,4 +1,4 @@
-//! A log, replayed.
+//! Replay of a log.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -14,8 +14,7 @@ use hydroboom_realtime::operator::Operator;
 use hydroboom_realtime::replay::replay;
 use hydroboom_realtime::trouble::{Tampering, Trouble};
 
-/// A course with its log, in which something may go wrong at a time \[s\]; the stop button is pressed at
-/// another.
+/// Course with its log, an optional fault at a time \[s\], and a press of the stop button at another.
 fn logged(
     name: &str,
     wrong: Option<(Fault, f64)>,
@@ -70,8 +69,8 @@ fn replayed_readings_lead_to_the_same_commands() {
     for (then, now) in records.iter().zip(&again) {
         assert_eq!(then.decision.state, now.decision.state, "at {} s", then.time);
     }
-    // a check valve of the simulation opens like a square root: a bit that was lost in a unit makes it
-    // open a step sooner or later
+    // the flow of a check valve is a square root near its opening point: a rounding error in a unit can
+    // shift its opening by a step
     let apart = records.iter().zip(&again);
     let apart = apart.map(|(a, b)| a.decision.command.motor_speed - b.decision.command.motor_speed);
     let apart: Vec<f64> = apart.collect();
@@ -80,7 +79,7 @@ fn replayed_readings_lead_to_the_same_commands() {
     let fastest = speeds.fold(0.0, f64::max);
     assert!(rms < 1e-3 * fastest, "{rms} of {fastest} rev/s");
     assert!(apart.iter().all(|d| d.abs() < 0.2));
-    // and a strategy that was not there then decides otherwise
+    // another strategy decides differently
     let other = replay(&model, &rows, Some(Strategy::VelocityFeedforward)).unwrap();
     let differ = |(a, b): (&Record, &Record)| {
         (a.decision.command.motor_speed - b.decision.command.motor_speed).abs() > 0.1
@@ -88,7 +87,7 @@ fn replayed_readings_lead_to_the_same_commands() {
     assert!(again.iter().zip(&other).any(differ));
 }
 
-/// A log is replayed whole, or up to where it was cut off; what is empty or damaged in between is no replay.
+/// A log is replayed whole or up to its truncation. An empty log, or one damaged in between, is refused.
 #[test]
 fn an_empty_or_damaged_log_is_refused() {
     let (_, records, path) = logged("damaged", None, 2.0);
@@ -106,7 +105,7 @@ fn an_empty_or_damaged_log_is_refused() {
     damaged[bytes.len() / 2] ^= 0x20;
     let said = read(&damaged).unwrap_err();
     assert!(said.contains("a replay needs every period") && said.contains("chunk"), "{said}");
-    // as a table it is read but for what is damaged, and that is said
+    // as a table it is read without the damaged part, which is reported
     let table = hydroboom_realtime::log::read(&path).unwrap();
     assert!(table.rows.len() > records.len() / 4 && table.rows.len() < records.len());
     assert!(table.remarks.iter().any(|r| r.contains("damaged")), "{:?}", table.remarks);
@@ -117,14 +116,14 @@ fn an_empty_or_damaged_log_is_refused() {
     std::fs::remove_file(path).unwrap();
 }
 
-/// From the same readings the same is estimated, and commanded.
+/// The same measurements give the same estimates and commands.
 #[test]
 fn a_replayed_run_estimates_what_it_estimated() {
     let (model, records, path) = logged_with("estimated", Strategy::ScheduledLqr, None, 12.0);
     let rows = rows(&path).unwrap();
     std::fs::remove_file(path).unwrap();
     let again = replay(&model, &rows, None).unwrap();
-    // what the pump lacks of what the crane file says, in motion
+    // estimated deficit of the pump's flow against the crane file, in motion
     let flow = |r: &Record| r.estimates.map_or(0.0, |e| e.state.unknown_flow);
     let largest = records.iter().map(|r| flow(r).abs()).fold(0.0, f64::max);
     assert!(largest > 0.1, "nothing estimated: {largest} rev/s");

@@ -1,4 +1,4 @@
-//! Requests of people who are gone: nothing comes of them.
+//! Requests of operators who have left have no effect.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -12,12 +12,12 @@ use hydroboom_realtime::lockstep::{Lockstep, Pace, run};
 use hydroboom_realtime::session::{Attendant, Ending, Lookout, Order, Session};
 use std::sync::Arc;
 
-/// What people do at the desk.
+/// Action at the desk.
 #[derive(Clone, Copy)]
 enum Act {
-    /// Somebody takes the operator's role, for good.
+    /// Someone takes the operator's role without a time limit.
     Take,
-    /// The role is given back: its page was closed.
+    /// The role is given back, as when its page is closed.
     Leave,
     Start,
     Emergency,
@@ -25,7 +25,7 @@ enum Act {
     Close,
 }
 
-/// Does what a script says, at times \[s\], and keeps the records.
+/// Executes actions at given times \[s\] and stores the records.
 struct Script {
     session: Session,
     desk: Arc<Desk>,
@@ -47,7 +47,7 @@ impl Attendant for Script {
                     self.desk.take_role(3600.0);
                 }
                 Act::Leave => self.desk.leave_role(),
-                // also where a page would say that it cannot be
+                // also when a page would refuse the start
                 Act::Start => self.desk.start(),
                 Act::Emergency => self.desk.emergency_stop(),
                 Act::Reset => self.desk.reset(),
@@ -85,7 +85,8 @@ fn acts(record: &&Record) -> bool {
 
 #[test]
 fn who_takes_the_role_starts_nothing_that_somebody_else_asked_for() {
-    // in the fault, and in Ready; and in Holding, just before the page is closed: that is a fault of its own
+    // during the fault, in Ready, and in Holding just before the page is closed, which is a fault of its
+    // own
     for (asked, ends_in) in [(2.05, State::Holding), (2.3, State::Holding), (2.98, State::Fault)] {
         let of_the_first = [(1.0, Act::Take), (2.0, Act::Emergency), (2.1, Act::Reset)];
         let mut script: Vec<(f64, Act)> = of_the_first.to_vec();
@@ -103,7 +104,7 @@ fn who_takes_the_role_starts_nothing_that_somebody_else_asked_for() {
 
 #[test]
 fn an_operator_who_is_present_starts_once_the_load_is_held() {
-    // not before, and not in the moment of taking the role: the load is not held yet
+    // not before, and not at the moment of taking the role, because the load is not held yet
     let records = play(vec![
         (0.9, Act::Start),
         (1.0, Act::Take),
@@ -127,7 +128,7 @@ fn a_role_given_back_while_the_load_is_taken_over_releases_nothing() {
     };
     let given_back = script(&[]);
     assert_eq!(given_back.last().unwrap().decision.cause, Some(Cause::OperatorLost));
-    // and taken by another one in the same period
+    // the role is taken by another operator in the same period
     let handed_over = script(&[(3.5, Act::Take)]);
     assert_eq!(handed_over.last().unwrap().decision.state, State::Holding);
     for records in [given_back, handed_over] {

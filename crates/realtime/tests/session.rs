@@ -1,4 +1,4 @@
-//! Sessions: course after course, with what goes wrong in between.
+//! Sessions: a sequence of courses with faults in between.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -16,7 +16,7 @@ use hydroboom_realtime::session::{Attendant, Ending, Lookout, Order, Session};
 use hydroboom_realtime::trouble::Tampering;
 use std::sync::Arc;
 
-/// What is done at a time \[s\].
+/// Action at a given time \[s\].
 #[derive(Clone, Copy)]
 enum Act {
     Start(OutAndBack<f64>),
@@ -26,7 +26,7 @@ enum Act {
     Close,
 }
 
-/// Follows a script, and keeps the records.
+/// Executes actions and stores the records.
 struct Script {
     session: Session,
     desk: Arc<Desk>,
@@ -109,7 +109,8 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
         vec![
             (0.5, Act::Start(motion)),
             (9.0, Act::Emergency),
-            // in a fault it is not begun, nor while the boom still swings on its locked cylinder, nor afterwards by itself
+            // no start in a fault, nor while the boom oscillates on its locked cylinder; none is made up
+            // later
             (9.1, Act::Start(motion)),
             (9.2, Act::Reset),
             (9.3, Act::Start(motion)),
@@ -124,14 +125,14 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
     let again: Vec<Record> = script.records.iter().filter(|r| r.time > 9.2).copied().collect();
     let approach = again.iter().find_map(|r| r.course_time).unwrap();
     assert!(approach < -1.0, "no approach from the middle: {approach} s");
-    // on the way to the beginning, too, the piston is where it should be
+    // during the approach, too, the piston follows its set point
     let stray = again.iter().filter(|r| r.course_time.is_some());
     let stray =
         stray.map(|r| (r.signals().stroke - r.reference.position).abs()).fold(0.0, f64::max);
     assert!(stray < 6e-3, "{stray} m from its reference");
     assert!(rms_mm(&again) < 1.1, "{} mm", rms_mm(&again));
     assert!(!again.iter().any(|r| r.fallback.is_some()), "the simulation was not followed");
-    // the second before the emergency is kept
+    // the second before the emergency stop is stored
     let data = script.session.fault().unwrap();
     assert_eq!(data.cause, Cause::EmergencyStop);
     assert_eq!(data.records.len(), 1000);
@@ -140,9 +141,9 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
 
 #[test]
 fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
-    // a pump that delivers a fifth less: in open loop the machine falls behind the simulation
+    // the pump delivers a fifth less: in open loop the machine falls behind the simulation
     let mut cranes = Cranes::new(&["pump.flow_gain=0.75"]);
-    // of a pump of which little is known: what it delivers cannot contradict the position
+    // with a wide range of the flow gain, delivered flow cannot contradict the position
     let wide = UIA_SINGLE_BOOM
         .replace("value = 0.91, range = [0.86, 0.98]", "value = 0.91, range = [0.7, 1.0]");
     assert_ne!(wide, UIA_SINGLE_BOOM);
@@ -161,7 +162,7 @@ fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
     assert!(bump.abs() < 0.6, "a bump of {bump} rev/s");
     let near = after.simulated.unwrap().axis().stroke - after.signals().stroke;
     assert!(near.abs() < 3e-3, "{near} m apart");
-    // but not again and again: then it is the model that is wrong
+    // synchronisations are limited: after that the model itself is wrong
     assert!((1..=3).contains(&script.session.synchronised_in_all()));
     assert_eq!(states(&script.records).last(), Some(&State::Holding));
 }
@@ -200,8 +201,9 @@ fn a_payload_that_is_set_down_on_the_way_is_borne() {
     assert!(pressure(12.5) - pressure(15.5) > 10e5, "the load did not become lighter");
 }
 
-/// Another payload and oil than the crane file's: under the scheduled LQR the load is weighed while it is held, and the simulation rests with that; the oil
-/// is estimated in motion, and simulated from the next course on. The published strategies simulate the crane that is described.
+/// Another payload and oil than the crane file's. Under the scheduled LQR the payload is estimated while
+/// the load is held, and the simulation is set to rest with it. The oil is estimated in motion and
+/// simulated from the next course on. The published strategies simulate the crane of the crane file.
 #[test]
 fn estimated_payload_and_oil_are_simulated() {
     let cranes = Cranes::new(&["payload.mass_kg=100", "oil.transition_bar=28"]);
@@ -230,7 +232,7 @@ fn estimated_payload_and_oil_are_simulated() {
     assert!(after < before, "{transition} Pa");
     let estimated = again.estimates.unwrap().state.transition_pressure;
     assert!((transition - estimated).abs() < 1e5, "simulated {transition} Pa of {estimated} Pa");
-    // and the simulated crane moves along beside it
+    // and the simulated crane follows the course
     let moved = script.records.iter().filter_map(|r| r.simulated.map(|s| s.axis().stroke));
     let [low, high] = moved.fold([1.0, 0.0], |[l, h], x| [f64::min(l, x), f64::max(h, x)]);
     assert!(high - low > 0.8 * (motion.end - motion.start).abs(), "{low} to {high} m");

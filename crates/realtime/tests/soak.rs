@@ -1,4 +1,5 @@
-//! An hour in simulated time: nothing drifts, nothing grows. By itself, for what else runs in a process counts in its memory.
+//! One hour in simulated time: no drift and no growth. In a process of its own, because memory is measured
+//! per process.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -17,7 +18,8 @@ const CLOSED: Strategy = Strategy::SimulationFeedforwardClosedLoop;
 fn an_hour_of_courses_is_as_good_at_its_end_as_at_its_beginning() {
     let model = Description::uia_single_boom().unwrap();
     let mut machine = Description::uia_virtual().unwrap();
-    // what is to last is the executive: the machine's steps of a whole control period are a quarter of the work
+    // the executive is tested, not the machine: one machine step per control period is a quarter of the
+    // work
     machine.set("virtual.step_us=1000").unwrap();
     let motion = machine.motion(model.numbers.fast);
     let each = 24.0;
@@ -44,7 +46,7 @@ fn an_hour_of_courses_is_as_good_at_its_end_as_at_its_beginning() {
     let rms: Vec<f64> =
         soak.errors.iter().map(|(sum, count)| (sum / f64::from(*count)).sqrt() * 1e3).collect();
     assert_eq!(rms.len() as u32, courses);
-    // the oil warms by a few degrees; courses differ by their sensors' noise and that
+    // the oil warms by a few degrees; courses differ by that and by sensor noise
     let (first, last) = (rms[1], rms[rms.len() - 1]);
     assert!((last / first - 1.0).abs() < 0.15, "{first} mm at first, {last} mm at last");
     assert!(rms.iter().all(|r| (r / first - 1.0).abs() < 0.2), "{rms:?}");

@@ -1,4 +1,4 @@
-//! What falls back to the benchmark, and what becomes of it.
+//! Fallback to the benchmark controller, and recovery of what failed.
 
 use super::*;
 use crate::operator::Operator;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 const PERIOD: f64 = 1e-3;
 const ASKED: Strategy = Strategy::ScheduledLqr;
 
-/// A virtual crane under a control task.
+/// Virtual crane with a control task.
 struct Rig {
     model: Description,
     control: ControlTask,
@@ -65,7 +65,7 @@ impl Rig {
         record
     }
 
-    /// Until a time of the course.
+    /// Runs until a time of the course \[s\].
     fn until(&mut self, time: f64) -> Record {
         for _ in 0..60_000 {
             let record = self.period();
@@ -77,7 +77,7 @@ impl Rig {
         panic!("the course does not come to {time} s");
     }
 
-    /// Until the load is held again.
+    /// Runs until the load is held again.
     fn rest_of_course(&mut self) -> Vec<Record> {
         let mut records = Vec::new();
         while !self.operator.is_done() && records.len() < 60_000 {
@@ -86,7 +86,7 @@ impl Rig {
         records
     }
 
-    /// Another controller, that has observed the last measurement.
+    /// Replaces the scheduled LQR by a changed one that has observed the last measurement.
     fn replace(&mut self, change: impl Fn(&mut StateEstimator<f64>, &mut ScheduledLqr<f64>)) {
         let delay = known_delay(&self.model) as usize;
         let (mut estimator, mut law) = designed(&self.model, delay).unwrap();
@@ -98,7 +98,8 @@ impl Rig {
     }
 }
 
-/// The benchmark leads the course to its end, without a jump beyond what the slew limit lets the motor do in a period.
+/// The benchmark controller completes the course. The command jumps no further than the motor's slew limit
+/// allows in a period.
 fn the_benchmark_finishes(before: &Record, after: &[Record], cause: Fallback) {
     let at = after.iter().position(|r| r.fallback.is_some()).expect("it is followed on");
     assert_eq!(
@@ -109,7 +110,7 @@ fn the_benchmark_finishes(before: &Record, after: &[Record], cause: Fallback) {
     let speed = |r: &Record| r.decision.command.motor_speed;
     let jump = speed(&after[at]) - speed(previous);
     assert!(jump.abs() < 0.5, "a jump of {jump} rev/s");
-    // it stays so: what failed once is not tried again in motion
+    // a failed strategy is not retried in motion
     let rest = &after[at..];
     let controlled = rest.iter().filter(|r| r.decision.controls);
     assert!(controlled.clone().count() > 1000, "no motion left");
@@ -139,18 +140,19 @@ fn a_command_that_is_not_finite_leaves_the_course_to_the_benchmark() {
 fn an_estimator_that_has_diverged_leaves_the_course_to_the_benchmark() {
     let mut rig = Rig::new();
     let before = rig.until(4.0);
-    // contradicted for no time at all it has diverged: the filter begins at rest beside a piston that moves
+    // with a divergence time of zero it diverges at once: the filter starts at rest while the piston moves
     rig.replace(|estimator, _| estimator.filter.divergence_time = 0.0);
     let after = rig.rest_of_course();
     the_benchmark_finishes(&before, &after, Fallback::Estimator);
 }
 
-/// Estimates that are no numbers would be kept while the load is held, and every later course left to the benchmark.
+/// Non-finite estimates must not persist while the load is held: every later course would run under the
+/// benchmark controller.
 #[test]
 fn an_estimator_that_is_not_finite_begins_anew_while_the_load_is_held() {
     let mut rig = Rig::new();
     let before = rig.until(4.0);
-    // friction that is no number, which nothing asks for while the load is held
+    // the friction is not used while the load is held, so that the NaN appears in motion
     rig.replace(|estimator, _| estimator.filter.model.coulomb = f64::NAN);
     let after = rig.rest_of_course();
     the_benchmark_finishes(&before, &after, Fallback::Estimator);
