@@ -1,7 +1,8 @@
-//! Instructions of a step, which do not vary with what else the machine does:
-//! `cargo bench -p hydroboom-lab --bench instructions`. Needs valgrind.
+//! Instructions per integration step, a measure that other programs on the computer do not affect: `cargo
+//! bench -p hydroboom-lab --bench instructions`. Needs valgrind.
 //!
-//! The program runs itself under valgrind with two numbers of steps; the difference is the steps'.
+//! The program runs itself under valgrind with two numbers of steps. The difference is due to the steps
+//! alone.
 
 use hydroboom_description::Description;
 use hydroboom_model::stepping::{Implicit, published};
@@ -57,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Instructions of the whole program with so many steps.
+/// Instructions of the whole program with the given number of steps.
 fn collected(name: &str, steps: u32) -> Result<f64, Box<dyn Error>> {
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])

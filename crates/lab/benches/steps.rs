@@ -1,4 +1,4 @@
-//! What a step costs: `cargo bench -p hydroboom-lab --bench steps`.
+//! Execution time of an integration step: `cargo bench -p hydroboom-lab --bench steps`.
 
 use divan::{Bencher, black_box};
 use hydroboom_description::Description;
@@ -28,7 +28,7 @@ fn published_three_segments(bencher: Bencher<'_, '_>) {
     bencher.bench_local(|| published(&crane, &mut state, black_box(&INPUT), STEP));
 }
 
-/// Eight runs in one call; divide by eight.
+/// Eight simulations per call; divide the time by eight.
 #[divan::bench(sample_size = 1000)]
 fn published_three_segments_eight_lanes(bencher: Bencher<'_, '_>) {
     struct OneStep<'a> {

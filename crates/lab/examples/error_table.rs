@@ -1,4 +1,5 @@
-//! CSV of `true_errors` as a table in Markdown, each controller beside the benchmark on the same cranes: `error_table FILE...`.
+//! Markdown table of CSV files of `true_errors`. Each controller is compared with the benchmark controller
+//! on the same cranes: `error_table FILE...`.
 
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::error_table::ErrorTable;

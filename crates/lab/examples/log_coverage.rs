@@ -1,9 +1,11 @@
-//! How often the bounds of estimates along logs hold, on logs of virtual cranes that the filter does not know, read as `hydroboom estimate` reads them.
+//! Coverage of the uncertainty bounds of log estimates, on logs of virtual cranes whose parameters the
+//! filter does not know. The logs are read as `hydroboom estimate` reads them.
 //!
-//! Courses along which the load stays.
+//! For courses without a load change.
 //!
 //! ```sh
-//! cargo run --release -p hydroboom-lab --example log_coverage -- 2027 0 100                       # seed, first crane, the one after the last
+//! # seed, first crane, crane after the last
+//! cargo run --release -p hydroboom-lab --example log_coverage -- 2027 0 100
 //! cargo run --release -p hydroboom-lab --example log_coverage -- 2027 0 100 reversal scheduled-lqr
 //! ```
 
@@ -17,10 +19,10 @@ use hydroboom_lab::log_estimation::{ESTIMATES, LogEstimate, estimate};
 use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_measurement::{Mapping, Measurement, Signals, read};
 
-/// Time after the start of a log that is left out \[s\], and spacing of the instants \[s\].
+/// Initial time of a log that is left out \[s\], and spacing of the evaluated instants \[s\].
 const SETTLED: f64 = 0.5;
 const SPACING: f64 = 0.25;
-/// Quantities that have a truth in the log.
+/// Quantities whose true value is in the log.
 const COMPARED: [&str; 6] = [
     "piston_position_mm",
     "piston_velocity_mm_s",
@@ -56,7 +58,7 @@ fn main() {
     };
     let strategy = more.get(1).map_or("benchmark-closed-loop", String::as_str);
     let strategy = Strategy::ALL.into_iter().find(|s| s.name() == strategy).unwrap();
-    // of logs that are consistent, and of the others
+    // errors of consistent logs, and of the others
     let mut errors = [[Errors::default(); COMPARED.len()]; 2];
     let (mut consistent, mut refused, mut off) = (0, 0, Vec::new());
     for k in from..to {
@@ -97,7 +99,7 @@ fn main() {
     println!("{}", off.join("\n"));
 }
 
-/// A log of a crane with its true values.
+/// Log of a crane with its true values.
 fn logged(
     model: &Description,
     crane: &Description,
@@ -109,14 +111,15 @@ fn logged(
     let order =
         LogOrder { path: &path, contents: Contents::Truth, estimates: false, interval: 1e-3 };
     let task = Task::Course(course.as_ref(), strategy);
-    // a crane that leaves its limits leaves a log all the same
+    // a run that is stopped by a fault also leaves a log
     let _ = virtual_run(model, crane, &task, &[order], |_| {});
     let log = read(&path, None).unwrap();
     std::fs::remove_file(&path).unwrap();
     log
 }
 
-/// Adds the errors of one log; what is estimated is of the time of the measurement, as late as the fieldbus delays it.
+/// Adds the errors of one log. An estimate refers to the time of the measurement, which the fieldbus
+/// delays.
 fn compare(
     errors: &mut [Errors; COMPARED.len()],
     found: &LogEstimate,

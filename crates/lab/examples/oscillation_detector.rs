@@ -1,5 +1,6 @@
-//! Does the detector of sustained oscillation, shown the piston position as an exported block reads it, fire on the runs that
-//! the lab calls sustained by the true position, and on no others? The benchmark on a family of virtual cranes.
+//! Comparison of the detector of sustained oscillation in the exported blocks, which reads the measured
+//! piston position, with the lab's criterion, which uses the true position. Benchmark controller on a
+//! family of virtual cranes.
 //!
 //! ```sh
 //! cargo run --release -p hydroboom-lab --example oscillation_detector -- 707 200 fast
@@ -22,7 +23,7 @@ use hydroboom_lab::closed_loop::simulation::simulate_closed_loop;
 use hydroboom_lab::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use rayon::prelude::*;
 
-/// Rest after the course \[s\], as the lab takes to decide.
+/// Rest after the course \[s\], as long as the lab's criterion needs.
 const REST: f64 = 5.0;
 
 struct WithRest<'a>(&'a dyn Course);
@@ -83,7 +84,7 @@ fn main() {
             let (mut state, mut fired) = (OscillationState::default(), false);
             let longer = WithRest(course.as_ref());
             let period = model.numbers.control_period;
-            // a crane that breaks has been counted above
+            // a crane whose simulation fails has been counted above
             let _ = simulate_closed_loop(&model, &crane, benchmark, &longer, |sample: &Sample| {
                 let error = sample.reference.position - sample.signals.stroke;
                 let rests = sample.reference.velocity == 0.0;

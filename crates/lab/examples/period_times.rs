@@ -1,7 +1,9 @@
-//! Time of a control period under each baseline and the scheduled LQR on this machine, as Markdown: `period_times [RUNS]`.
+//! Execution time of a control period under each baseline and the scheduled LQR on this computer, as
+//! Markdown: `period_times [RUNS]`.
 //!
-//! Two motions on the paper's virtual crane: 100 mm at the fast speed with the crane file's ramps, where no limit is active, and with ramps of 50 ms, where the motor's limits are.
-//! Of each period the least of RUNS runs counts, since others use the machine, too.
+//! Two motions of 100 mm at the fast speed on the paper's virtual crane. With the crane file's ramps no
+//! limit is active; with ramps of 50 ms the motor's limits are. Each period counts with its minimum over
+//! RUNS runs, because other programs use the computer too.
 
 use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;

@@ -1,6 +1,8 @@
-//! Finds the weights and noise of the fixed-design LQG anew: `cargo run --release -p hydroboom-lab --example reoptimise [GENERATIONS]`.
+//! Optimises the weights and the noise of the fixed-design LQG: `cargo run --release -p hydroboom-lab
+//! --example reoptimise [GENERATIONS]`.
 //!
-//! Least geometric mean, over virtual cranes and both speeds, of the RMS error over the published benchmark's.
+//! Objective: geometric mean of the RMS error over the published benchmark's, over virtual cranes and both
+//! speeds.
 
 use cmaes::{CMAESOptions, DVector};
 use hydroboom_control::strategy::Strategy;
@@ -11,21 +13,22 @@ use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::monte_carlo::{Outcome, family, members};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 
-/// Cranes, and the seed they are drawn with; families that are reported have another.
+/// Number of cranes, and seed of the family. Reported families use another seed.
 const CRANES: u64 = 12;
 const SEED: u64 = 7;
-/// A crane that swings on where the benchmark's does not, or cannot be steered to the end, counts as much as this factor on its error.
+/// Error factor of a crane in sustained oscillation where the benchmark's is not, or of a failed
+/// simulation.
 const UNSTABLE: f64 = 10.0;
-/// Numbers that are searched.
+/// Number of optimised parameters.
 const NUMBERS: usize = 7;
-/// Standard deviation of the first generation, of the logarithm of each number.
+/// Standard deviation of the first generation, in the logarithm of each parameter.
 const SPREAD: f64 = 0.4;
 
-/// The design in numbers that are those it has, each times the exponential of what the search tries.
+/// The design with each parameter multiplied by the exponential of the search variable.
 fn changed(w: Weights, by: &[f64]) -> Weights {
     let times = |value: f64, k: usize| value * by[k].exp();
     Weights {
-        // position weighs as it does: only what the others weigh beside it counts
+        // the weight of the position is fixed: only the ratios of the weights matter
         alike: [w.alike[0], times(w.alike[1], 0), times(w.alike[2], 1), times(w.alike[3], 2)],
         drift: [
             w.drift[0],

@@ -1,8 +1,10 @@
-//! True and measured tracking errors, crane by crane, as CSV: `true_errors [--widened] CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]`.
+//! True and measured tracking errors of each crane as CSV: `true_errors [--widened] CONTROLLERS COURSES
+//! SEED FROM TO [KEY=VALUE ...]`.
 //!
-//! Controllers: names of strategies or baselines; courses: `slow`, `fast`, or names of scenarios; both separated by commas. Overrides change what the controllers
-//! know. With `--widened` the cranes vary in what `monte_carlo::WIDENED` lists too. The columns are those of
-//! `docs/notebook/2026-11-28-scheduled-lqr.csv`, and last the motor's ripple at rest and its slew.
+//! Controllers are names of strategies or baselines; courses are `slow`, `fast`, or names of scenarios;
+//! both are separated by commas. Overrides change the controllers' model. With `--widened` the cranes also
+//! vary in the parameters of `monte_carlo::WIDENED`. The columns are those of
+//! `docs/notebook/2026-11-28-scheduled-lqr.csv`, followed by the motor's ripple at rest and its slew.
 
 #![expect(clippy::unwrap_used, reason = "an experiment that cannot go on stops")]
 
@@ -15,7 +17,7 @@ use hydroboom_lab::closed_loop::simulation::{Case, WIDTH, simulate_side_by_side}
 use hydroboom_lab::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Numbered cranes that run side by side.
+/// Numbered cranes that are simulated together.
 type Group<'a> = &'a [(u64, Member)];
 
 fn main() {
@@ -89,13 +91,13 @@ fn main() {
     });
 }
 
-/// Ends with what is wrong with the arguments.
+/// Ends the program with an error in the arguments.
 fn refuse(what: &dyn std::fmt::Display) -> ! {
     eprintln!("true_errors: {what}");
     std::process::exit(2)
 }
 
-/// Up to four cranes side by side; the last crane fills the places that are left.
+/// Simulates up to four cranes together; the last one fills the remaining places.
 fn run(
     model: &Description,
     seed: u64,

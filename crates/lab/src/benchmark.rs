@@ -1,4 +1,4 @@
-//! How fast the model is on this machine.
+//! Execution time of the model's integration step on this computer.
 
 use crate::LabError;
 use hydroboom_description::{BuildError, Description};
@@ -9,33 +9,32 @@ use serde::Serialize;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Runs side by side in one call.
+/// Simulations per call in the vectorised measurement.
 const LANES: usize = 8;
 
-/// Cost of a step.
+/// Execution times of integration steps.
 #[derive(Clone, Debug, Serialize)]
 pub struct Timing {
-    /// One 50 us step of the coupled published model with three segments, f64, one core.
+    /// One step of 50 us of the coupled published model with three segments, f64, one core \[ns\].
     pub step_ns: f64,
-    /// The same in lanes, per instance.
+    /// The same vectorised, per simulation \[ns\].
     pub lanes_step_ns: f64,
-    /// Instruction set that was chosen at run time.
+    /// Instruction set selected at run time.
     pub instruction_set: &'static str,
-    /// The implicit step over the number of segments.
+    /// Implicit step for several numbers of segments.
     pub segments: Vec<SegmentTiming>,
 }
 
-/// Cost over the number of segments.
+/// Execution time for a number of segments.
 #[derive(Clone, Debug, Serialize)]
 pub struct SegmentTiming {
     /// Number of segments.
     pub n: usize,
-    /// One implicit step of 50 us.
+    /// One implicit step of 50 us \[ns\].
     pub step_ns: f64,
 }
 
-/// The best of several trials \[ns per call\]: what the code costs, without the machine's other
-/// work.
+/// Minimum over several trials \[ns per call\], which excludes the load by other programs.
 fn best_ns(calls: usize, mut trial: impl FnMut(usize)) -> f64 {
     trial(calls / 10 + 1);
     (0..7)
@@ -47,11 +46,11 @@ fn best_ns(calls: usize, mut trial: impl FnMut(usize)) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Measures the cost of a step.
+/// Measures the execution times.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no state of rest.
+/// [`LabError`] if the crane has no state of rest.
 pub fn timing(description: &Description) -> Result<Timing, LabError> {
     let three = description.divided(3);
     let (crane, start) = at_rest::<3>(&three)?;
@@ -59,7 +58,7 @@ pub fn timing(description: &Description) -> Result<Timing, LabError> {
     let step = 50e-6;
 
     let step_ns = best_ns(40_000, |calls| {
-        // one run leaves nothing to vectorise across: the default build's instructions serve best
+        // a single simulation cannot be vectorised: the instructions of the default build are used
         black_box(steps(&crane, start, &input, step, calls));
     });
     let wide = crane.map(&mut |v| Lanes([v; LANES]));
@@ -87,7 +86,7 @@ pub fn timing(description: &Description) -> Result<Timing, LabError> {
     })
 }
 
-/// Many steps under one input, as a simulation takes them.
+/// Many steps under one input, as in a simulation.
 #[inline(never)]
 fn steps(
     crane: &Crane<f64, 3>,

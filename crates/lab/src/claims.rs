@@ -1,4 +1,4 @@
-//! The paper's headline claims beside the same figures here, also where ours are worse.
+//! The paper's main claims with the corresponding figures here, including those that are worse.
 
 use crate::closed_loop::sample::Sample;
 use crate::motion_test::Run;
@@ -7,44 +7,46 @@ use crate::study::{NOMINAL, OFF, VIRTUAL};
 use hydroboom_control::strategy::Strategy;
 use serde::Serialize;
 
-/// A figure on one plant.
+/// Figure on one plant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OnPlant {
     /// Name of the plant.
     pub plant: &'static str,
-    /// As the plant's sensors measure it. An eigenfrequency is of the linearised plant, and is not measured.
+    /// Figure from measured signals. An eigenfrequency is computed from the linearised plant and not
+    /// measured.
     pub measured: f64,
-    /// Of the plant itself; the same where its sensors are ideal.
+    /// Figure from the true state; equal to the measured one if the sensors are ideal.
     #[serde(rename = "true")]
     pub truth: f64,
-    /// Whether the measured figure is worse than the paper's tables, or than what its text states where they have none.
+    /// Whether the measured figure is worse than the paper's tables, or than its text where the tables have
+    /// none.
     pub worse_than_paper: Option<bool>,
 }
 
-/// A claim of the paper beside the same figure here.
+/// Claim of the paper with the corresponding figure here.
 #[derive(Clone, Debug, Serialize)]
 pub struct Claim {
-    /// What is compared with what.
+    /// Description of the comparison.
     pub compares: String,
     /// Unit of all figures.
     pub unit: &'static str,
     /// Whether a larger figure is better.
     pub more_is_better: bool,
-    /// As the paper's abstract and conclusions state it; none for another crane.
+    /// Value stated in the paper's abstract and conclusions; none for another crane.
     pub paper_stated: Option<f64>,
-    /// As the paper's tables have it, or as it follows from them.
+    /// Value in the paper's tables, or derived from them.
     pub paper_tables: Option<f64>,
-    /// Here. Without the nominal plant where it would be compared with itself.
+    /// Figures here, without the nominal plant where it would be compared with itself.
     pub plants: Vec<OnPlant>,
 }
 
 impl Claim {
-    /// The figure on a plant.
+    /// Figure on a plant.
     pub fn on(&self, plant: &str) -> Option<&OnPlant> {
         self.plants.iter().find(|figure| figure.plant == plant)
     }
 
-    /// Digits behind the point with which its figures are shown.
+    /// Decimal places of its figures.
     pub fn digits(&self) -> usize {
         if self.unit == "%" { 1 } else { 2 }
     }
@@ -63,27 +65,28 @@ impl Claim {
     }
 }
 
-/// What claims are computed from.
+/// Results from which the claims are computed.
 pub struct Shown<'a> {
-    /// Whether the crane is the paper's: its figures belong to no other.
+    /// Whether the crane is the paper's; its figures apply to no other.
     pub is_papers_crane: bool,
     /// The cylinder's stroke \[m\].
     pub stroke: f64,
     /// Slow and fast speed of the motion \[m/s\].
     pub speeds: [f64; 2],
-    /// Strokes at which eigenfrequencies were found \[mm\].
+    /// Strokes of the eigenfrequencies \[mm\].
     pub eigen_stroke_mm: [f64; 3],
     /// Eigenfrequencies of the model there \[Hz\], load held, without friction.
     pub model_hz: [f64; 3],
-    /// Those of each plant that differs from the model.
+    /// Eigenfrequencies of each plant that differs from the model \[Hz\].
     pub plants_hz: Vec<(&'static str, [f64; 3])>,
-    /// All strategies on all plants.
+    /// Runs of all strategies on all plants.
     pub runs: &'a [(String, Run)],
     /// The model under velocity feedforward along the virtual crane's motions, slow and fast.
     pub alongside: Option<[&'a Run; 2]>,
 }
 
-/// The claims, in the order of the paper's conclusions; a figure whose run is missing, in sustained oscillation or stopped is left out.
+/// Claims in the order of the paper's conclusions. A figure is omitted if its run is missing, in sustained
+/// oscillation or stopped.
 pub fn claims(shown: &Shown<'_>) -> Vec<Claim> {
     let mut claims = vec![eigenfrequency(shown)];
     claims.extend([0, 1].map(|k| position(shown, k)));
@@ -92,7 +95,7 @@ pub fn claims(shown: &Shown<'_>) -> Vec<Claim> {
     claims
 }
 
-/// Mean accuracy \[%\]: 100 % less the mean of |f_model / f_plant − 1|.
+/// Mean accuracy \[%\]: 100 % minus the mean of |f_model / f_plant − 1|.
 pub fn accuracy_percent(model_hz: &[f64; 3], plant_hz: &[f64; 3]) -> f64 {
     let off = model_hz.iter().zip(plant_hz).map(|(model, plant)| (model / plant - 1.0).abs());
     100.0 * (1.0 - off.sum::<f64>() / model_hz.len() as f64)
@@ -116,7 +119,7 @@ fn eigenfrequency(shown: &Shown<'_>) -> Claim {
 }
 
 impl Shown<'_> {
-    /// The run of a strategy at the slow (0) or the fast speed (1).
+    /// Run of a strategy at the slow (0) or the fast speed (1).
     fn run(&self, plant: &str, strategy: Strategy, k: usize) -> Option<&Run> {
         let is = |(name, run): &&(String, Run)| {
             name == plant && run.strategy == strategy && run.speed == self.speeds[k]
@@ -129,7 +132,7 @@ impl Shown<'_> {
     }
 }
 
-/// RMS of the difference of a value along two runs of equal periods.
+/// RMS difference of a quantity between two runs with the same periods.
 fn rms_difference(a: &Run, b: &Run, value: fn(&Sample) -> f64) -> f64 {
     let pairs = a.samples.iter().zip(&b.samples);
     let square: f64 = pairs.map(|(a, b)| (value(a) - value(b)).powi(2)).sum();
@@ -147,7 +150,7 @@ fn position(shown: &Shown<'_>, k: usize) -> Claim {
         unit: "% of the stroke",
         more_is_better: false,
         paper_stated: shown.is_papers_crane.then_some(paper::STATED_POSITION_PERCENT),
-        // Table 6 is of the fast speed
+        // Table 6 is at the fast speed
         paper_tables: (shown.is_papers_crane && k == 1).then_some(table_6),
         plants: Vec::new(),
     };
@@ -165,13 +168,13 @@ fn position(shown: &Shown<'_>, k: usize) -> Claim {
     claim
 }
 
-/// By how much the RMS tracking error of `strategy` is below that of `other` \[%\], as measured and as true.
+/// Reduction of the RMS tracking error by `strategy` compared with `other` \[%\], measured and true.
 fn less_by(shown: &Shown<'_>, claim: &mut Claim, [strategy, other]: [Strategy; 2], k: usize) {
     for plant in [NOMINAL, OFF, VIRTUAL] {
         if let (Some(run), Some(other)) =
             (shown.run(plant, strategy, k), shown.run(plant, other, k))
         {
-            // errors of a loop in sustained oscillation tell of that, those of a run that stopped of nothing
+            // the error of a sustained oscillation or of a stopped run is no tracking error
             if !run.is_stable() || !other.is_stable() {
                 continue;
             }
@@ -219,12 +222,12 @@ fn closed_loop(shown: &Shown<'_>, k: usize) -> Claim {
     claim
 }
 
-/// What has to be known to read the table.
+/// Note on reading the table.
 pub const REMARK: &str = "\
 Our eigenfrequencies are those of the linearised cranes without friction. The nominal plant equals the model, and so has no deviation from it. \
 A negative reduction is an increase.";
 
-/// What more has to be known where the paper's figures stand beside.
+/// Further note for a table with the paper's figures.
 pub const REMARK_ON_PAPER: &str = "The paper does not say at which speed its 1.2 % holds.";
 
 #[cfg(test)]
@@ -234,7 +237,8 @@ mod tests {
     use crate::motion_test::run_all;
     use hydroboom_description::Description;
 
-    /// Its text states rounded figures of its tables; how a mean accuracy is formed here must give the one that it states.
+    /// The paper's text rounds figures of its tables. The definition of mean accuracy used here must
+    /// reproduce the stated value.
     #[test]
     fn the_papers_tables_give_what_its_abstract_states() {
         let mean = accuracy_percent(&paper::EIGEN_SIMULATED_HZ, &paper::EIGEN_MEASURED_HZ);
@@ -247,7 +251,7 @@ mod tests {
         assert_eq!(closed, paper::STATED_CLOSED_LOOP_PERCENT);
         let share = 100.0 * paper::STATED_POSITION_MM / paper::STROKE_MM;
         assert!((share - paper::STATED_POSITION_PERCENT).abs() < 0.05, "{share} % of the stroke");
-        // its printed errors have two digits, and give its printed reductions to their rounding
+        // the printed errors have two digits and reproduce the printed reductions within rounding
         for k in 0..2 {
             let [feedforward, open, benchmark, closed] = paper::TRACKING_MM.map(|(rms, _)| rms[k]);
             let near = |ratio: f64, percent: f64, within: f64| {
@@ -272,7 +276,7 @@ mod tests {
         }
     }
 
-    /// Runs whose piston is off by what is set here: the figures by hand.
+    /// Figures by hand for runs with prescribed position errors.
     #[test]
     fn figures_are_those_of_the_runs_and_worse_ones_are_named() {
         let model = Description::uia_single_boom().unwrap();
@@ -310,7 +314,7 @@ mod tests {
         close(closed.on(NOMINAL).unwrap().measured, -50.0);
         assert_eq!((open.worse_on(), closed.worse_on()), (vec![], vec![NOMINAL, OFF]));
         assert_eq!((position.worse_on(), eigen.worse_on()), (vec![OFF], vec![OFF]));
-        // an oscillation is no tracking error
+        // a sustained oscillation is not evaluated
         let mut swinging = runs.clone();
         for (_, run) in &mut swinging {
             if run.strategy == Strategy::BenchmarkClosedLoop {
@@ -324,7 +328,7 @@ mod tests {
         }
         let of_swinging = claims(&shown(&swinging, model.numbers.fast, true));
         assert!(of_swinging[6].plants.is_empty() && !of_swinging[4].plants.is_empty());
-        // another crane is not held against the paper's
+        // another crane is not compared with the paper
         for claim in of(false) {
             assert_eq!((claim.paper_stated, claim.paper_tables), (None, None), "{claim:?}");
             assert!(claim.worse_on().is_empty());

@@ -1,22 +1,22 @@
-//! A crane file's text with a new value for a key: its comments and its other keys stay as they are.
+//! Edits the text of a crane file: sets the value of a key and keeps comments and other keys.
 
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Value};
 
-/// A number found for a key of a crane file.
+/// New value for a key of a crane file.
 #[derive(Clone, Debug)]
 pub struct FoundValue<'a> {
-    /// `section.key`.
+    /// Key `section.key`.
     pub path: &'a str,
-    /// The value, in the key's unit.
+    /// Value in the key's unit.
     pub value: f64,
-    /// How it was found, in one word.
+    /// Method in one word.
     pub provenance: &'a str,
-    /// What it was found from.
+    /// Data that the value was found from.
     pub source: String,
 }
 
-/// Writes a value into the text of a crane file. The key keeps its range; one that does not reach the
-/// value is widened to it, and the source says so, for a file whose value is outside its range is refused.
+/// Writes a value into the text of a crane file. If the key's range excludes the value, the range is
+/// widened to it and the source mentions it, because a value outside its range makes the file invalid.
 pub fn write_value(document: &mut DocumentMut, found: FoundValue<'_>) {
     let Some((section, name)) = found.path.split_once('.') else { return };
     let before = document.get(section).and_then(|table| table.get(name));
@@ -72,7 +72,7 @@ mod tests {
         };
         assert_eq!(source(&inside), "a test");
         assert!(source(&outside).contains("it was 0.0 to 370.0"), "{}", source(&outside));
-        // a key that the file leaves out, and one without a range
+        // a key that the file omits, and one without a range
         assert_eq!(with("drive.bandwidth_hz", 30.0).numbers.drive_bandwidth, 30.0);
         assert_eq!(with("boom.length_mm", 3500.0).numbers.boom_length, 3.5);
     }

@@ -1,4 +1,5 @@
-//! An open benchmark: logs of virtual cranes for identification and control, the truth apart.
+//! Open data set: logs of virtual cranes for identification and control, with the true values in separate
+//! files.
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::worn;
@@ -17,22 +18,22 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Interval of the logs \[s\].
+/// Sampling interval of the logs \[s\].
 const INTERVAL: f64 = 5e-3;
 
-/// Writes the dataset into a folder that must not exist yet; returns the files. `progress` is told
-/// the share done.
+/// Writes the data set into a folder that must not exist yet and returns the files. `progress` receives the
+/// share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be simulated or a file cannot be written.
+/// [`LabError`] if a crane cannot be simulated or a file cannot be written.
 pub fn dataset(
     model: &Description,
     crane: &Description,
     folder: &Path,
     mut progress: impl FnMut(f64),
 ) -> Result<Vec<PathBuf>, LabError> {
-    // beside its place first: a dataset is whole or not there
+    // written to a temporary folder first, so that the data set is complete or absent
     let failed = |path: &Path| {
         let path = path.display().to_string();
         move |error| LabError::File { path, error }
@@ -84,7 +85,7 @@ pub fn dataset(
     Ok(done)
 }
 
-/// One run of the dataset.
+/// One run of the data set.
 struct Test {
     name: String,
     meaning: String,
@@ -128,7 +129,7 @@ fn tests(crane: &Description) -> Vec<Test> {
             kind: Kind::Oscillation(stroke * 1e-3, n.oscillation_drop),
         });
     }
-    // the shift would be a hundred times as long as all others together
+    // the scenario of a whole shift is a hundred times as long as all others together
     for scenario in scenarios(crane).into_iter().filter(|s| s.duration() < 600.0) {
         tests.push(Test {
             name: format!("scenario-{}", scenario.name),

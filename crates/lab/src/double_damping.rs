@@ -1,8 +1,8 @@
-//! Why the published closed loop of simulation feedforward can be worse than the benchmark, shown by
-//! taking its second damping away.
+//! Explanation why simulation feedforward in closed loop, as published, can be worse than the benchmark:
+//! its second damping is removed for comparison.
 //!
 //! Plant G (motor speed to position, G_x, and to load pressure, G_p), PI C, pressure feedback F, loop
-//! L = C G_x + F G_p. With model and plant alike, the benchmark's error E becomes
+//! L = C G_x + F G_p. With identical model and plant the benchmark's error E becomes
 //!
 //! ```text
 //! published:                    n = n_s + C e − F p           E' = (E + F G_p)/(1 + L)
@@ -29,21 +29,20 @@ pub struct DoubleDamping {
     pub plant: String,
     /// Name of the course.
     pub course: String,
-    /// The benchmark controller.
+    /// Benchmark controller.
     pub benchmark: TrackingError,
-    /// Simulation feedforward in closed loop, as published: damped in the simulation and again on the
-    /// plant.
+    /// Simulation feedforward in closed loop as published: damped in the simulation and again on the plant.
     pub damped_twice: TrackingError,
-    /// The same with the pressure feedback acting on p − p_sim: damped once.
+    /// The same with pressure feedback on p − p_sim: damped once.
     pub damped_once: TrackingError,
     /// Whether each of the three, in this order, came to rest where its reference rested.
     pub stable: [bool; 3],
-    /// Why the simulation of each stopped before the course's end; no numbers stand beside it.
+    /// Reason if the simulation of one stopped before the course's end; it then has no errors.
     pub stopped: [Option<String>; 3],
 }
 
 impl DoubleDamping {
-    /// Each law with its error, or what stands in its place: an error beside a sustained oscillation tells of that.
+    /// Each controller with its error, or a note in place of the error of a sustained oscillation.
     pub fn laws(&self) -> [(&'static str, Result<TrackingError, &'static str>); 3] {
         let names =
             ["benchmark", "published: damped twice", "pressure feedback on p - p_sim: damped once"];
@@ -59,15 +58,15 @@ impl DoubleDamping {
     }
 }
 
-/// What came of a law: its error, whether it came to rest, and why it stopped.
+/// Result of a controller: tracking error, whether it came to rest, and why it stopped.
 type Came = (TrackingError, bool, Option<String>);
 
-/// The three along a course: two from `runs` on the plant, where both have been run along it, and the
-/// one that damps once. `plant_name` is for the table.
+/// Compares the three controllers along a course. Two come from `runs` on the plant, if both were run along
+/// it; the one that damps once is simulated. `plant_name` is for the table.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be simulated.
+/// [`LabError`] if a crane cannot be simulated.
 pub fn double_damping(
     model: &Description,
     plant_name: &str,

@@ -1,4 +1,4 @@
-//! The locked-valve oscillation test of section 5.2.2, beside the linearised model.
+//! Locked-valve oscillation test of section 5.2.2, compared with the linearised model.
 
 use crate::linearise::{Mode, mode_shape, modes};
 use crate::{LabError, paper, plant};
@@ -9,51 +9,51 @@ use serde::Serialize;
 /// Eigenfrequency at one stroke.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Piston position.
+    /// Position of the piston.
     pub stroke_mm: f64,
-    /// Of the lowest mode, from the oscillation in the time domain, f = n/Δt, with the crane's friction; none where it dies out before two
-    /// periods are over.
+    /// Lowest mode from the oscillation in the time domain, f = n/Δt, with the crane's friction; none if it
+    /// decays within two periods.
     pub oscillation_hz: Option<f64>,
-    /// The same with friction switched off.
+    /// The same without friction.
     pub frictionless_hz: Option<f64>,
-    /// Lowest and highest pressure on the piston side in the test without friction.
+    /// Lowest and highest piston-side pressure in the test without friction.
     pub frictionless_bar: [f64; 2],
-    /// From the eigenvalues of the linearised crane, friction switched off.
+    /// From the eigenvalues of the linearised crane without friction.
     pub linearised_hz: f64,
-    /// From the eigenvalues with friction as it is at rest, where its slope makes it a stiff
-    /// damper that nearly locks the piston.
+    /// From the eigenvalues with the friction at rest, whose slope acts as a stiff damper that nearly locks
+    /// the piston.
     pub linearised_with_friction_hz: f64,
     /// Damping ratio of the linearised mode without friction.
     pub damping_ratio: f64,
-    /// All modes of the linearised crane without friction that oscillate, slowest first.
+    /// All oscillatory modes of the linearised crane without friction, slowest first.
     pub modes: Vec<ShapedMode>,
-    /// The paper's simulation.
+    /// Simulated value of the paper.
     pub paper_simulated_hz: Option<f64>,
-    /// The paper's measurement.
+    /// Measured value of the paper.
     pub paper_measured_hz: Option<f64>,
 }
 
 impl Row {
-    /// The same without the paper's figures: they belong to its own crane.
+    /// The same without the paper's values, which apply to its own crane only.
     #[must_use]
     pub fn without_paper(self) -> Self {
         Self { paper_simulated_hz: None, paper_measured_hz: None, ..self }
     }
 }
 
-/// A mode and how the crane swings in it.
+/// Mode with its mode shape.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShapedMode {
     /// Eigenvalue, frequency, damping.
     #[serde(flatten)]
     pub mode: Mode,
-    /// Swing of each segment's angle over that of the outermost one, with its sign.
+    /// Mode shape: angle of each segment over that of the outermost one, with its sign.
     pub angles: Vec<f64>,
-    /// Swing of p_A for a degree of the outermost segment's angle.
+    /// Amplitude of p_A per degree of the outermost segment's angle.
     pub pressure_a_bar_per_deg: f64,
 }
 
-/// A locked-valve oscillation in the time domain.
+/// Locked-valve oscillation in the time domain.
 #[derive(Clone, Debug)]
 pub struct Oscillation {
     /// Times \[s\].
@@ -64,13 +64,14 @@ pub struct Oscillation {
     pub tip_y: Vec<f64>,
 }
 
-/// Drop of the tip without friction \[m\]: small enough for the oil's stiffness to stay put where it is stiff, as a linearisation demands.
+/// Initial drop of the tip without friction \[m\]: small enough for a nearly constant bulk modulus, as
+/// linearisation requires.
 pub const SMALL_DROP: f64 = 0.2e-3;
 
 /// Duration of the oscillation test \[s\].
 const DURATION: f64 = 4.0;
 
-/// The same crane without friction in the cylinder.
+/// The crane without friction in the cylinder.
 ///
 /// # Errors
 ///
@@ -84,11 +85,11 @@ pub fn without_friction(description: &Description) -> Result<Description, LabErr
     Ok(frictionless)
 }
 
-/// Drops the boom onto its cylinder with the load-holding valve shut.
+/// Simulates the drop of the boom onto its cylinder with the load-holding valve shut.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated there.
+/// [`LabError`] if the crane cannot be simulated there.
 pub fn oscillation(
     description: &Description,
     stroke: f64,
@@ -111,7 +112,7 @@ pub fn oscillation(
     Ok(seen)
 }
 
-/// The crane at rest with its load held and the rod-side pressure of the oscillation test.
+/// Crane at rest with its load held and the rod-side pressure of the oscillation test.
 fn locked(
     description: &Description,
     stroke: f64,
@@ -123,16 +124,16 @@ fn locked(
     Ok(plant(description, &start, Scheme::Published, step)?)
 }
 
-/// Frequency \[Hz\] of an oscillation, n/Δt between its first and last upward crossing of the mean
-/// of the whole periods between them (f_n = n/Δt, section 5.2.2).
+/// Frequency of an oscillation \[Hz\], n/Δt between its first and last upward crossing of the mean (section
+/// 5.2.2). The mean is that of the whole periods in between.
 ///
 /// # Errors
 ///
-/// [`LabError::NoOscillation`] when there are fewer than three crossings.
+/// [`LabError::NoOscillation`] if there are fewer than three crossings.
 pub fn frequency(time: &[f64], values: &[f64]) -> Result<f64, LabError> {
     let mut mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let mut crossings = Vec::new();
-    // the mean over whole periods is not known before the crossings are
+    // fixed-point iteration: the mean over whole periods depends on the crossings
     for _ in 0..5 {
         crossings = upward_crossings(time, values, mean);
         let (Some(first), Some(last)) = (crossings.first(), crossings.last()) else { break };
@@ -165,12 +166,12 @@ fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The same of the lowest mode alone: what oscillates at the second one, \[Hz\], is averaged over one of its periods, which leaves the
-/// crossings of the lowest where they are.
+/// Frequency of the lowest mode alone. A moving average over one period of the second mode \[Hz\] removes
+/// that mode and preserves the crossings of the lowest one.
 ///
 /// # Errors
 ///
-/// As of [`frequency`].
+/// See [`frequency`].
 pub fn lowest_mode_frequency(
     time: &[f64],
     values: &[f64],
@@ -185,16 +186,16 @@ pub fn lowest_mode_frequency(
     frequency(time.get(half..half + means.len()).unwrap_or_default(), &means)
 }
 
-/// The lowest oscillatory mode of the locked crane at a stroke \[m\].
+/// Lowest oscillatory mode of the locked crane at a stroke \[m\].
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no state of rest or no oscillatory mode there.
+/// [`LabError`] if the crane has no state of rest or no oscillatory mode there.
 pub fn locked_mode(description: &Description, stroke: f64) -> Result<Mode, LabError> {
     lowest(&locked_modes(description, stroke)?)
 }
 
-/// The slowest of the modes.
+/// Slowest of the modes.
 fn lowest(modes: &[ShapedMode]) -> Result<Mode, LabError> {
     modes
         .first()
@@ -206,7 +207,7 @@ fn lowest(modes: &[ShapedMode]) -> Result<Mode, LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no state of rest or its eigenvalues cannot be computed.
+/// [`LabError`] if the crane has no state of rest or its eigenvalues cannot be computed.
 pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<ShapedMode>, LabError> {
     let crane = locked(description, stroke, description.numbers.simulation_period)?;
     let input = Input { pump_speed: 0.0, holding_valve: 0.0 };
@@ -230,11 +231,11 @@ pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<Shaped
         .collect()
 }
 
-/// The test at one stroke \[m\].
+/// Test at one stroke \[m\].
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated there or its linearisation does not oscillate.
+/// [`LabError`] if the crane cannot be simulated there or its linearisation does not oscillate.
 pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
     let frictionless = without_friction(description)?;
     let drop = description.numbers.oscillation_drop;
@@ -267,7 +268,7 @@ pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
 mod tests {
     use super::*;
 
-    /// A slow mode of 1 mm with a fast one of a fifth on it, which crosses the mean several times where the slow one does once.
+    /// A slow mode of 1 mm with a fast one of a fifth of it, which adds crossings of the mean.
     #[test]
     fn the_lowest_mode_is_found_beside_a_faster_one() {
         use std::f64::consts::TAU;
@@ -282,7 +283,8 @@ mod tests {
         assert!(lowest_mode_frequency(&time[..9], &values[..9], Some(76.0)).is_err());
     }
 
-    /// Soft and stiff oil, light and heavy, and a load beyond the boom: always the linearised mode.
+    /// With soft and stiff oil, light and heavy load, and a load beyond the boom, the frequency is that of
+    /// the linearised mode.
     #[test]
     fn the_oscillation_is_that_of_the_linearised_mode() {
         for (set, stroke) in [

@@ -1,4 +1,4 @@
-//! Does the energy add up? `ΔE = work − losses + mass defects` over a motion cycle.
+//! Energy balance over a motion cycle: `ΔE = work − losses + mass defects`.
 
 use crate::{LabError, plant};
 use hydroboom_description::Description;
@@ -6,12 +6,12 @@ use hydroboom_model::energy::{Energy, Power};
 use hydroboom_model::{Input, Scheme};
 use serde::Serialize;
 
-/// What pump work is, where it stands in a table.
+/// Definition of pump work, for a table.
 pub const PUMP_WORK: &str = "\
 Pump work: the power of the pump on the oil (flow times pressure at both ports), integrated over the cycle with its sign: what the oil gives back is taken off. \
 Exchanged: the same power's magnitude, integrated.";
 
-/// The balance so far, at one time of the cycle.
+/// Balance up to one time of the cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct Balance {
     /// Time \[s\].
@@ -24,43 +24,43 @@ pub struct Balance {
     pub losses: f64,
 }
 
-/// The balance over one cycle.
+/// Balance over one cycle.
 #[derive(Clone, Debug, Serialize)]
 pub struct Audit {
-    /// Scheme and step that were audited.
+    /// Integration scheme.
     pub scheme: String,
-    /// Step \[us\].
+    /// Integration step \[us\].
     pub step_us: f64,
-    /// Energy at the end less energy at the start.
+    /// Energy at the end minus energy at the start.
     pub change_j: f64,
     /// Net work of the pump on the oil.
     pub work_j: f64,
     /// All losses.
     pub losses_j: f64,
-    /// Added by equations that do not conserve mass.
+    /// Energy added by equations that do not conserve mass.
     pub defects_j: f64,
-    /// Energy exchanged: the integral of the pump power's magnitude.
+    /// Exchanged energy: integral of the magnitude of the pump's power.
     pub exchanged_j: f64,
-    /// |change − work + losses − defects| over the energy exchanged.
+    /// |change − work + losses − defects| over the exchanged energy.
     pub relative_residual: f64,
     /// Integral of each named power \[J\].
     pub by_name_j: Vec<(String, f64)>,
-    /// The balance every 10 ms, for figures.
+    /// Balance every 10 ms, for figures.
     #[serde(skip)]
     pub trace: Vec<Balance>,
 }
 
-/// Audits one fast motion cycle under velocity feedforward.
+/// Energy balance of one fast motion cycle under velocity feedforward.
 ///
-/// The pump's speed is held over a control period, or a longer step, and the powers are integrated
-/// by the trapezoidal rule within each step: the residual is the time step's own error.
+/// The pump's speed is constant over a control period, or a longer step. Powers are integrated by the
+/// trapezoidal rule within each step, so that the residual is the error of the integration step.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated.
+/// [`LabError`] if the crane cannot be simulated.
 pub fn audit(description: &Description, scheme: Scheme, step: f64) -> Result<Audit, LabError> {
     let mut motion = description.motion(description.numbers.fast);
-    // the cycle, not the pauses in it
+    // motion without the long pauses
     (motion.dwell, motion.rest) = (0.5, 0.5);
     let controller = description.benchmark();
     let mut crane = plant(description, &description.start(motion.start), scheme, step)?;
@@ -120,7 +120,7 @@ pub fn audit(description: &Description, scheme: Scheme, step: f64) -> Result<Aud
     })
 }
 
-/// A scheme's name in commands and tables.
+/// Name of a scheme in commands and tables.
 pub fn scheme_name(scheme: Scheme) -> &'static str {
     match scheme {
         Scheme::Published => "published",

@@ -1,4 +1,4 @@
-//! What can go wrong in an experiment.
+//! Errors of experiments.
 
 use hydroboom_description::{BuildError, DescriptionError};
 use hydroboom_design::DesignError;
@@ -6,21 +6,21 @@ use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use thiserror::Error;
 
-/// Why an experiment has no result.
+/// Reason why an experiment has no result.
 #[derive(Debug, Error)]
 pub enum LabError {
-    /// The crane file gives no model.
+    /// No model can be built from the crane file.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// A crane file or an override is wrong.
+    /// A crane file or an override is invalid.
     #[error(transparent)]
     Description(#[from] DescriptionError),
     /// The simulation stopped.
     #[error("{during}: {error}")]
     Simulation {
-        /// What was being simulated.
+        /// Simulated object.
         during: String,
-        /// Why it stopped.
+        /// Reason of the stop.
         error: SimulationError,
     },
     /// A recorded input cannot be used.
@@ -28,47 +28,47 @@ pub enum LabError {
     Input {
         /// Name of the file.
         file: String,
-        /// What is wrong, where, and what is expected.
+        /// Defect, its place, and the expected content.
         reason: String,
     },
-    /// There is no such crane.
+    /// The crane cannot be built.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// A step that does not fit the run.
+    /// The step does not divide the run.
     #[error("a step of {step_us} us does not fit into a run of {duration_s} s")]
     Step {
-        /// What was asked for.
+        /// Requested step.
         step_us: f64,
         /// Duration of the run.
         duration_s: f64,
     },
-    /// A survey of the tip, or a fit to it, that cannot be.
+    /// A survey of the tip, or a fit to it, is invalid.
     #[error(transparent)]
     Survey(#[from] hydroboom_design::tip_survey::SurveyError),
-    /// No such scenario.
+    /// Unknown scenario.
     #[error("no scenario \"{name}\"; there are {names}")]
     Scenario {
-        /// What was asked for.
+        /// Requested name.
         name: String,
-        /// Those there are.
+        /// Available names.
         names: String,
     },
-    /// Told to stop.
+    /// Stopped on request.
     #[error("stopped")]
     Stopped,
     /// A machine would exceed its margins.
     #[error("not applied, for it would exceed the crane's margins: {0}")]
     Margins(String),
-    /// Too little oscillation to measure.
+    /// The oscillation is too small or too short to measure.
     #[error("{0}")]
     NoOscillation(String),
-    /// An equation that a compared controller is designed by has no solution.
+    /// A design equation of a baseline has no solution.
     #[error("{0}")]
     NoBaseline(&'static str),
     /// A performance bound cannot be computed.
     #[error("{0}")]
     NoBound(String),
-    /// A controller cannot be designed, or the crane not be linearised.
+    /// A controller cannot be designed, or the crane cannot be linearised.
     #[error(transparent)]
     Design(#[from] DesignError),
     /// A model cannot be identified.
@@ -79,10 +79,10 @@ pub enum LabError {
     File {
         /// Its path.
         path: String,
-        /// What the system says.
+        /// Error of the operating system.
         error: std::io::Error,
     },
-    /// A file cannot be read within its bounds, or written.
+    /// A file exceeds its bounds, or cannot be read or written.
     #[error(transparent)]
     Files(#[from] hydroboom_files::FileError),
     /// A figure cannot be drawn.
@@ -91,7 +91,7 @@ pub enum LabError {
 }
 
 impl LabError {
-    /// Adds what was being simulated to a simulation's error.
+    /// Adds the simulated object to a simulation's error.
     pub(crate) fn during(what: &str) -> impl FnOnce(SimulationError) -> Self {
         move |error| Self::Simulation { during: what.into(), error }
     }

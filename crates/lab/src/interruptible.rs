@@ -1,9 +1,10 @@
-//! Work in parts, on all cores, that may end before all of it is done.
+//! Parallel map over jobs that can be stopped early.
 
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Does `of` to each job, and tells `go_on` how many are done: once it says no, none is begun any more, and none is there of those.
+/// Applies `of` to each job on all cores. `go_on` receives the number of completed jobs. Once it returns
+/// false, no further job is started, and its result is none.
 pub(crate) fn as_long_as<J: Sync, R: Send>(
     jobs: &[J],
     go_on: &(dyn Fn(usize) -> bool + Sync),

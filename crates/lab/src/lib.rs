@@ -1,7 +1,7 @@
 //! Experiments on the crane.
 //!
-//! Everything here works on a [`Description`](hydroboom_description::Description) and hides the
-//! number of segments behind a [`Plant`].
+//! All experiments take a [`Description`](hydroboom_description::Description). A [`Plant`] abstracts from
+//! the number of boom segments.
 
 pub mod baselines;
 pub mod benchmark;

@@ -1,11 +1,11 @@
-//! Logs: columns that carry their unit, written whole or not at all.
+//! Logs with the unit in each column's name. A log file is complete or absent.
 
 use crate::mat_file::{Matrix, mat_file};
 use hydroboom_files::{FileError, Output};
 use std::io::Write;
 use std::path::Path;
 
-/// Units of a log: suffix of the column and size in SI units.
+/// Suffix of a column for an SI unit, and the size of the displayed unit in SI units.
 fn shown_unit(unit: &str) -> (&'static str, f64) {
     match unit {
         "Pa" => ("bar", 1e5),
@@ -19,7 +19,7 @@ fn shown_unit(unit: &str) -> (&'static str, f64) {
     }
 }
 
-/// Columns for the entries of a record, from their names and SI units.
+/// Column names for the entries of a record from their names and SI units.
 pub fn columns(names: &[&str], units: &[&str], prefix: &str) -> Vec<String> {
     let pairs = names.iter().zip(units);
     pairs
@@ -30,25 +30,25 @@ pub fn columns(names: &[&str], units: &[&str], prefix: &str) -> Vec<String> {
         .collect()
 }
 
-/// The values of these columns.
+/// Values in the units of these columns.
 pub fn scaled<'a>(values: &'a [f64], units: &'a [&'static str]) -> impl Iterator<Item = f64> + 'a {
     values.iter().zip(units).map(|(value, unit)| value / shown_unit(unit).1)
 }
 
-/// A log that is being written; [`finish`](Log::finish) gives it its name. A log that is dropped before
-/// leaves nothing. A name that ends in `.mat` makes it a MAT file with a variable for each column, any
-/// other a CSV file, whose numbers are read back to the last digit.
+/// Log being written; [`finish`](Log::finish) renames it to its final name. A log that is dropped before
+/// leaves no file. A name ending in `.mat` gives a MAT file with a variable per column. Any other name
+/// gives a CSV file whose numbers are restored exactly.
 ///
-/// A log that cannot be written, because the disk is full, does not stop what it tells of:
-/// [`finish`](Log::finish) says so at the end.
+/// If writing fails, for instance on a full disk, the recorded computation continues.
+/// [`finish`](Log::finish) returns the error.
 pub struct Log {
-    /// An error ends the writing.
+    /// Writer; an error ends the writing.
     writer: Result<Writer, FileError>,
 }
 
 enum Writer {
     Csv(Box<csv::Writer<Output>>),
-    /// Names and columns, kept until the end: the format wants whole columns.
+    /// Names and columns, kept until the end because the format requires whole columns.
     Mat(Output, Vec<(String, Vec<Vec<f64>>)>),
 }
 
@@ -69,7 +69,7 @@ impl Writer {
     fn row(&mut self, values: &[f64]) -> Result<(), FileError> {
         match self {
             Self::Csv(writer) => {
-                // the shortest text that is read back as the same number
+                // shortest text that is read back as the same number
                 let cells = values.iter().map(|v| format!("{v:e}"));
                 writer.write_record(cells).map_err(|error| writer.get_ref().failed(error.into()))
             }
@@ -105,12 +105,12 @@ impl Writer {
 }
 
 impl Log {
-    /// Begins a log with its header.
+    /// Creates a log with its header.
     pub fn begin(path: &Path, header: &[String]) -> Self {
         Self { writer: Writer::begin(path, header) }
     }
 
-    /// Adds a row.
+    /// Appends a row.
     pub fn row(&mut self, values: &[f64]) {
         if let Ok(writer) = &mut self.writer
             && let Err(error) = writer.row(values)
@@ -119,11 +119,11 @@ impl Log {
         }
     }
 
-    /// Completes the log and gives it its name.
+    /// Completes the log and renames it to its final name.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when it could not be written.
+    /// [`FileError`] if it could not be written.
     pub fn finish(self) -> Result<(), FileError> {
         self.writer?.finish()
     }

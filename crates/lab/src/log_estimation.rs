@@ -1,8 +1,9 @@
-//! The extended Kalman filter on a recorded log: states and parameters with their bounds over time.
+//! Extended Kalman filter on a recorded log: states and parameters with their bounds over time.
 //!
-//! The filter steps with its own control period. A sample counts in the period in which it was taken; a log with a longer interval leaves periods without a
-//! measurement, in which the filter predicts. The newest sample of a period counts where there are several. Missing values are absent, and nothing is filled in
-//! for them. A gap, in which neither position nor pressure was recorded, ends an estimate; after it the filter begins anew.
+//! The filter steps with its own control period. A sample is used in the period in which it was taken, and
+//! the newest one if there are several. In a period without a sample, as in a log with a longer interval,
+//! the filter predicts. Missing values are not filled in. A gap, in which neither position nor pressure was
+//! recorded, ends an estimate, and the filter is initialised again after it.
 
 use crate::LabError;
 use crate::log_verdict::{Verdict, delay, is_consistent, likeliest_noise, noise_findings, verdict};
@@ -20,7 +21,7 @@ use hydroboom_design::unknown_flow::{UnknownFlowPrior, unknown_flow_estimator};
 use hydroboom_math::Dual;
 use hydroboom_measurement::{Signal, Signals, TimeBase, Track};
 
-/// What is estimated: names that end in their units, and these in SI units.
+/// Estimated quantities: names ending in their units, and these units in SI units.
 pub const ESTIMATES: [(&str, f64); OF_STATE + 4] = [
     ("piston_position_mm", 1e-3),
     ("payload_kg", 1.0),
@@ -34,32 +35,32 @@ pub const ESTIMATES: [(&str, f64); OF_STATE + 4] = [
     ("tip_x_mm", 1e-3),
     ("tip_y_mm", 1e-3),
 ];
-/// What the innovations are of: names that end in their units, and these in SI units.
+/// Innovations: names ending in their units, and these units in SI units.
 pub const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
-/// Place of the payload, of the transition pressure, of the unknown flow and of the drive lag among the estimates.
+/// Indices of payload, transition pressure, unknown flow and drive lag among the estimates.
 pub(crate) const PAYLOAD: usize = 1;
 pub(crate) const TRANSITION: usize = 4;
 const FLOW: usize = OF_STATE;
 pub(crate) const LAG: usize = OF_STATE + 1;
 const TIP: usize = OF_STATE + 2;
-/// Rows kept; longer logs are decimated.
+/// Largest number of rows kept; longer logs are decimated.
 const MOST_ROWS: usize = 20_000;
-/// Control periods of the longest log: a day at 1 ms.
+/// Longest log \[control periods\]: a day at 1 ms.
 const MOST_PERIODS: f64 = 9e7;
-/// Position intervals without a sample that count as a gap.
+/// Sampling intervals of the position without a sample that count as a gap.
 const GAP: f64 = 5.0;
-/// Velocity at the start is that over this time \[s\]; below [`REST`] the crane is at rest.
+/// Time over which the initial velocity is averaged \[s\]; below [`REST`] the crane is at rest.
 const BEGINNING: f64 = 0.1;
-/// Faster than this nothing rests \[m/s\].
+/// Velocity below which the crane is at rest \[m/s\].
 pub(crate) const REST: f64 = 2e-3;
-/// Standard deviation of the velocity at the start of a crane in motion \[m/s\]: it may swing by as much.
+/// Initial standard deviation of the velocity of a crane in motion \[m/s\], which may oscillate.
 const START_IN_MOTION: f64 = 0.02;
 /// Time after a start in which load changes are not reported \[s\].
 const SETTLING: f64 = 0.5;
-/// The drive lag is identified where the log's interval is at most so many control periods.
+/// Longest interval of a log \[control periods\] from which the drive lag is identified.
 const FINE: f64 = 1.5;
 
-/// Estimates at one time, in the units of [`ESTIMATES`].
+/// Estimates at one time in the units of [`ESTIMATES`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateRow {
     /// Time of the log \[s\].
@@ -70,46 +71,46 @@ pub struct EstimateRow {
     pub estimate: [f64; ESTIMATES.len()],
     /// Their standard deviations.
     pub deviation: [f64; ESTIMATES.len()],
-    /// Innovations in the units of [`INNOVATIONS`]; NaN where nothing was measured.
+    /// Innovations in the units of [`INNOVATIONS`]; NaN without a measurement.
     pub innovation: [f64; 2],
     /// Their standard deviations by the filter.
     pub innovation_deviation: [f64; 2],
-    /// Mean of the normalised innovations squared \[1\].
+    /// Mean of the normalised innovation squared \[1\].
     pub mean_nis: f64,
 }
 
 /// The filter's estimates along a log.
 #[derive(Clone, Debug)]
 pub struct LogEstimate {
-    /// Time of the log at which the estimates begin \[s\].
+    /// Log time at which the estimates begin \[s\].
     pub begin: f64,
-    /// Time over which they go \[s\].
+    /// Duration of the estimates \[s\].
     pub duration: f64,
     /// The filter's period \[s\].
     pub period: f64,
     /// Median interval of the log's position and pressure \[s\].
     pub interval: [f64; 2],
-    /// Standard deviation of position \[m\] and load pressure \[Pa\] that the filter takes.
+    /// Standard deviations of position \[m\] and load pressure \[Pa\] that the filter assumes.
     pub noise: [f64; 2],
-    /// Percentiles of the unknown flow of a valve-controlled crane.
+    /// Prior of the unknown flow of a valve-controlled crane.
     pub unknown_flow_prior: Option<UnknownFlowPrior>,
-    /// Estimates at the samples of the log; of a long log not at all of them.
+    /// Estimates at the samples of the log, decimated for a long log.
     pub rows: Vec<EstimateRow>,
     /// Standard deviations at the start, in the units of [`ESTIMATES`].
     pub initial_deviation: [f64; ESTIMATES.len()],
-    /// What the innovations, the other signals and the bounds say.
+    /// Verdict from innovations, other signals and bounds.
     pub verdict: Verdict,
-    /// How the log was used.
+    /// Remarks on the use of the log.
     pub remarks: Vec<String>,
 }
 
 impl LogEstimate {
-    /// The last estimates while the load was free to move; of a log in which it never was, the last.
+    /// Last estimates while the valve was open; the last of all if it never was.
     pub fn last_released(&self) -> Option<&EstimateRow> {
         self.rows.iter().rev().find(|row| !row.is_held).or(self.rows.last())
     }
 
-    /// What [`last_released`](Self::last_released) is of, as a heading.
+    /// Heading for [`last_released`](Self::last_released).
     pub fn last_heading(&self) -> String {
         match (self.last_released(), self.rows.last()) {
             (Some(row), Some(last)) if row.time < last.time => {
@@ -120,9 +121,11 @@ impl LogEstimate {
     }
 }
 
-/// Estimates along a log of the crane of a description: `signals` in SI units, from `from` to `to` \[s\] of the log's time.
+/// Estimates along a log of the described crane: `signals` in SI units, from `from` to `to` \[s\] of the
+/// log's time.
 ///
-/// Needed is the piston's position; load pressure, motor speed, its command and the load-holding valve are used as far as they are there.
+/// The piston's position is required. Load pressure, motor speed, its command and the load-holding valve
+/// are used if recorded.
 ///
 /// ```
 /// use hydroboom_description::Description;
@@ -145,7 +148,8 @@ impl LogEstimate {
 ///
 /// # Errors
 ///
-/// [`LabError::Input`] when there is no position, or less than a tenth of a second of it; [`LabError::Design`] when the crane file gives no reduced model.
+/// [`LabError::Input`] if there is no position, or less than 0.1 s of it; [`LabError::Design`] if the crane
+/// file gives no reduced model.
 pub fn estimate(
     description: &Description,
     signals: &Signals,
@@ -189,7 +193,7 @@ pub fn estimate(
         )));
     }
     let steps = interval.map(|interval| (interval / period).max(1.0));
-    // the innovation test averages over time, whatever the log's interval is
+    // the time constant of the innovation test counts measurements: it is scaled to the log's interval
     estimator.filter.innovation_test.time_constant /=
         if steps[1].is_finite() { 0.5 * (steps[0] + steps[1]) } else { steps[0] };
     let area_ratio = description.cylinder().area_ratio();
@@ -236,7 +240,7 @@ pub fn estimate(
     let mut found = run(&estimator, &source, [0.0; 2], ALL, true);
     let mut noisy = Vec::new();
     if is_consistent(&found) == Some(false) {
-        // either a signal is late, or it is noisier than expected: what makes the log likelier
+        // either a signal is delayed or noisier than expected: the more likely cause is used
         let late = delay(&estimator, &source).map_or(0.0, |delay| delay.gain);
         let (noise, gain) = likeliest_noise(&estimator, &source);
         if gain > late {
@@ -280,14 +284,14 @@ pub fn estimate(
     })
 }
 
-/// The estimator of a crane whose motor speed was not recorded: the pump may deliver what its motor can.
+/// Estimator for a log without motor speed: the unknown flow may be any that the motor allows.
 fn with_unknown_pump(
     description: &Description,
     mut estimator: StateEstimator<f64>,
 ) -> (StateEstimator<f64>, UnknownFlowPrior) {
     let n = &description.numbers;
     let filter = &mut estimator.filter;
-    // the ramps of a motion take the motor to its speed
+    // a motion's ramp takes the motor to its speed, which determines the random walk
     let (largest, drift) = (n.motor_speed, n.motor_speed / n.ramp.sqrt());
     filter.initial_deviation.unknown_flow = largest;
     filter.process_noise.unknown_flow = drift;
@@ -300,7 +304,7 @@ fn interval_of(track: Option<&Track>) -> f64 {
     track.and_then(|t| TimeBase::of(t.time())).map_or(f64::INFINITY, |base| base.interval)
 }
 
-/// A pressure, or that on the pump's side of an open valve where it was not recorded.
+/// A pressure signal, or that on the pump side of the open valve if it was not recorded.
 fn substitute<'a>(
     signals: &'a Signals,
     wanted: Signal,
@@ -364,7 +368,8 @@ fn remark_on_sampling(interval: &[f64; 2], period: f64, remarks: &mut Vec<String
     }
 }
 
-/// Standard deviation of a signal's noise by its third differences, whose variance is 20 times that of white noise; by their median, so that motion counts little.
+/// Standard deviation of a signal's noise from its third differences, whose variance is 20 times that of
+/// white noise. The median makes it insensitive to motion.
 fn scatter(values: &[f64]) -> f64 {
     let mut sizes: Vec<f64> =
         values.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).abs()).collect();
@@ -373,11 +378,11 @@ fn scatter(values: &[f64]) -> f64 {
     }
     let middle = sizes.len() / 2;
     let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // of a normal distribution half is within 0.6745 standard deviations
+    // half of a normal distribution is within 0.6745 standard deviations
     median / 0.6745 / 20_f64.sqrt()
 }
 
-/// The signals that the filter is fed with.
+/// Input signals of the filter.
 #[derive(Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub(crate) position: &'a Track,
@@ -386,28 +391,28 @@ pub(crate) struct Source<'a> {
     pub(crate) speed: Option<&'a Track>,
     pub(crate) command: Option<&'a Track>,
     pub(crate) valve: Option<&'a Track>,
-    /// Whether speed and command are there often enough for the drive lag.
+    /// Whether speed and command are sampled finely enough for the drive lag.
     pub(crate) identifies_lag: bool,
     pub(crate) begin: f64,
-    /// Whether a motor's speed or command was recorded.
+    /// Whether motor speed or command was recorded.
     pub(crate) has_drive: bool,
     /// The filter's period \[s\].
     pub(crate) period: f64,
     pub(crate) periods: usize,
     /// Rod-side area over piston area.
     pub(crate) area_ratio: f64,
-    /// Whether pressures of the pump's side stand for those of the cylinder, which they are while the valve is open.
+    /// Whether pump-side pressures replace those of the cylinder; they are equal while the valve is open.
     pub(crate) is_pump_side: bool,
     /// Payload of the crane file \[kg\].
     pub(crate) payload: f64,
-    /// The estimator of the tip's position, for a boom that has one.
+    /// Estimator of the tip position, for a boom that has one.
     pub(crate) tip: Option<TipEstimator<f64>>,
-    /// For so long the mean NIS is above its threshold where a load has changed \[s\].
+    /// Time for which the mean NIS stays above its threshold after a load change \[s\].
     pub(crate) persistence: f64,
 }
 
 impl Run {
-    /// Minus twice the logarithm of the likelihood, per measured number.
+    /// Minus twice the log-likelihood per measured value.
     pub(crate) fn mean_cost(&self) -> f64 {
         self.cost / self.counted.max(1) as f64
     }
@@ -419,32 +424,33 @@ impl Source<'_> {
         self.pressure_a.and(self.pressure_b).is_some()
     }
 
-    /// Time of the log at which it ends \[s\].
+    /// Log time of the end \[s\].
     pub(crate) fn end(&self) -> f64 {
         self.begin + self.periods as f64 * self.period
     }
 }
 
-/// What the filter made of a log.
+/// Result of a filter run along a log.
 pub(crate) struct Run {
     pub(crate) rows: Vec<EstimateRow>,
     pub(crate) every: usize,
     pub(crate) initial_deviation: [f64; ESTIMATES.len()],
-    /// Sum and number of normalised innovations squared and sum of innovations over their standard deviations, per number and window of a second.
+    /// Sum and number of normalised innovations squared, and sum of innovations over their standard
+    /// deviations, per signal and window of one second.
     pub(crate) windows: Vec<[(f64, u32, f64); 2]>,
     /// Times at which the mean NIS rose above its threshold \[s\].
     pub(crate) load_changes: Vec<f64>,
-    /// Minus twice the logarithm of the likelihood.
+    /// Minus twice the log-likelihood.
     pub(crate) cost: f64,
     pub(crate) counted: u64,
     pub(crate) diverged: bool,
     pub(crate) restarts: u32,
     pub(crate) began_in_motion: bool,
-    /// Smallest standard deviation over that at the start that each estimate reached.
+    /// Smallest standard deviation of each estimate over its initial one.
     pub(crate) variance_ratio: [f64; ESTIMATES.len()],
 }
 
-/// The samples of a signal, one after the other.
+/// Iterator over the samples of a signal.
 struct Samples<'a> {
     track: &'a Track,
     next: usize,
@@ -455,7 +461,7 @@ impl<'a> Samples<'a> {
         Self { track, next: track.time().partition_point(|t| *t < from) }
     }
 
-    /// The newest sample up to a time \[s\] that was not taken yet: its time and value.
+    /// Time and value of the newest unused sample up to a time \[s\].
     fn newest(&mut self, until: f64) -> Option<(f64, f64)> {
         let before = self.next;
         while self.track.time().get(self.next).is_some_and(|t| *t <= until) {
@@ -466,11 +472,12 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Samples of any time.
+/// Time range that includes all samples.
 pub(crate) const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// Steps the filter through a log. `late` \[s\]: by how much position and pressure are taken to be late; rows are kept where `keeps_rows`. The likelihood is that
-/// of the samples that were taken from `scored[0]` to `scored[1]` \[s\]: the same ones however late they are.
+/// Runs the filter through a log. `late` \[s\] is the assumed delay of position and pressure. `keeps_rows`
+/// selects the rows that are kept. The likelihood uses samples taken from `scored[0]` to `scored[1]` \[s\],
+/// the same ones for every assumed delay.
 pub(crate) fn run(
     estimator: &StateEstimator<f64>,
     source: &Source<'_>,
@@ -517,7 +524,7 @@ pub(crate) fn run(
             let b = source.pressure_b?.at(at)?;
             Some((a - source.area_ratio * b, source.area_ratio * b))
         });
-        // a shut valve parts the pump's side from the cylinder
+        // a shut valve separates the pump side from the cylinder
         let pressure = pressure.filter(|_| !(is_held && source.is_pump_side));
         let is_scored = [newest, newest_pressure]
             .map(|sample| sample.is_some_and(|(at, _)| (scored[0]..=scored[1]).contains(&at)));
@@ -539,11 +546,11 @@ pub(crate) fn run(
         last_speed = speed;
         let Some(x) = last_position else { continue };
         let model = &estimator.filter.model;
-        // without a load pressure that of the crane file's payload
+        // without a load pressure signal that of the crane file's payload is used
         let (p, rod_side_term) = match (last_pressure, source.pressure_a.and(source.pressure_b)) {
             (Some(last), _) => last,
             (None, None) => (model.at(x, source.payload).holding_pressure, 0.0),
-            // it is still to come
+            // the first pressure sample is still to come
             (None, Some(_)) => continue,
         };
         let number = |is: bool| f64::from(u8::from(is));
@@ -570,7 +577,7 @@ pub(crate) fn run(
         };
         match is_held {
             true => estimator.hold(filter, &input),
-            // what no command was recorded for tells nothing of the lag: the command is the speed
+            // without a recorded command the lag is not identifiable: the speed stands for the command
             false => estimator.update(filter, &input, told.unwrap_or(speed)),
         }
         if let Some(tip) = source.tip {
@@ -623,7 +630,7 @@ pub(crate) fn run(
                 mean_nis: filter.mean_nis,
             });
         }
-        // a filter that is no number any more begins anew
+        // a filter with non-finite estimates is initialised again
         if !filter.filter.estimate.to_array().into_iter().all(f64::is_finite) {
             run.diverged = true;
             state = None;
@@ -635,7 +642,8 @@ pub(crate) fn run(
     run
 }
 
-/// The filter at a beginning; a crane in motion begins with its velocity, and a load that was not weighed may be any.
+/// Initial filter state. A crane in motion starts with its velocity; without a load pressure the payload is
+/// unknown.
 fn begin(
     estimator: &StateEstimator<f64>,
     source: &Source<'_>,
@@ -664,7 +672,7 @@ fn begin(
     state
 }
 
-/// Counts innovations of what was measured.
+/// Accumulates the innovations of the measured signals.
 fn count(
     run: &mut Run,
     filter: &hydroboom_control::estimation::extended_kalman_filter::EstimatorState<f64>,
@@ -692,7 +700,7 @@ fn count(
     }
 }
 
-/// Estimates and their standard deviations, in SI units.
+/// Estimates and their standard deviations in SI units.
 fn estimated(
     estimator: &StateEstimator<f64>,
     state: &StateEstimatorState<f64>,
@@ -708,18 +716,19 @@ fn estimated(
         (estimate[k], deviation[k]) = (h.value, output_deviation(&filter.errors, &h.slope));
     }
     deviation[PAYLOAD] = settings.payload_deviation(filter);
-    // a motor speed as a flow
+    // from a motor speed to a flow
     estimate[FLOW] *= settings.model.displacement;
     deviation[FLOW] *= settings.model.displacement;
     let (lag, period) = (&state.drive, settings.period);
     estimate[LAG] = lag.time_constant(period);
-    // the magnitude of d tau/dg = −tau²/(T (1 − g))
+    // magnitude of d tau/dg = −tau²/(T (1 − g))
     deviation[LAG] =
         lag.variance.max(0.0).sqrt() * estimate[LAG].powi(2) / (period * (1.0 - lag.coefficient));
     (estimate, deviation)
 }
 
-/// Position of the tip from the boom's bearing, and its standard deviation \[m\]; no numbers where it is not estimated.
+/// Position of the tip relative to the boom's bearing, and its standard deviation \[m\]; NaN if it is not
+/// estimated.
 fn tip_of(
     source: &Source<'_>,
     estimator: &StateEstimator<f64>,
@@ -739,7 +748,7 @@ pub fn readable(name: &str) -> String {
     bare.replace('_', " ")
 }
 
-/// Unit of an estimate's name.
+/// Unit in an estimate's name.
 pub fn unit(name: &str) -> &'static str {
     const UNITS: [(&str, &str); 7] = [
         ("_mm_s", "mm/s"),

@@ -1,8 +1,10 @@
-//! What an estimate along a log is worth: consistency of the innovations, which signal is off, and what the motion could not tell.
+//! Verdict on the estimates along a log: consistency of the innovations, faulty signals, and parameters
+//! that the motion does not determine.
 //!
-//! Innovations are consistent when their mean normalised square (NIS) is at most 2 in nine of ten windows of a second. A delay is found by the likelihood of the
-//! log under the filter with position or load pressure shifted in time. An offset of the piston-side pressure shows against the pressure on the pump's side
-//! of the open load-holding valve, and against nothing else: payload takes it.
+//! Innovations are consistent if their mean normalised square (NIS) is at most 2 in nine of ten windows of
+//! one second. A delay is found by the likelihood of the log under the filter with position or load
+//! pressure shifted in time. An offset of the piston-side pressure shows only against the pressure on the
+//! pump side of the open load-holding valve. The payload estimate would absorb it otherwise.
 //!
 //! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4 (consistency), 5.5 (likelihood).
 
@@ -13,86 +15,90 @@ use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Signal, Signals, TimeBase, Track};
 use serde::Serialize;
 
-/// Largest mean NIS of a consistent window \[1\], and share of windows that have to be consistent.
+/// Largest mean NIS of a consistent window \[1\], and required share of consistent windows.
 const LARGEST_NIS: f64 = 2.0;
 const CONSISTENT_SHARE: f64 = 0.9;
-/// Smallest mean NIS of innovations that are not far smaller than their band \[1\].
+/// Smallest mean NIS \[1\]: below it the assumed noise is far too large.
 const SMALLEST_NIS: f64 = 0.5;
-/// Fewer measured numbers in a window tell nothing.
+/// Smallest number of measured values in a window that counts.
 const MINIMUM_SAMPLES: u32 = 10;
-/// An estimate was told by the log where its standard deviation fell below this share of that at the start.
+/// An estimate is observable if its standard deviation fell below this share of the initial one.
 const OBSERVED: f64 = 0.7;
-/// Delays that are tried \[s\].
+/// Trial delays \[s\].
 const DELAYS: [f64; 5] = [0.01, 0.02, 0.04, 0.08, 0.15];
-/// Gain of twice the log likelihood per measured number from which a delay is said. It grows with the square of the delay: along the motion at 120 mm/s about 0.01
-/// for 20 ms.
+/// Gain of twice the log-likelihood per measured value from which a delay is reported. It grows with the
+/// square of the delay and is about 0.01 for 20 ms along the motion at 120 mm/s.
 const LOG_LIKELIHOOD_GAIN: f64 = 0.01;
 /// Factors by which the measurement noise is varied, coarse to fine.
 const NOISE_FACTORS: [f64; 2] = [4.0, 1.5];
 /// Smallest step in the search for a delay \[s\].
 const DELAY_RESOLUTION: f64 = 1e-3;
-/// Length of the log over which delays are tried \[s\].
+/// Length of the part of a log in which delays are searched \[s\].
 const LONGEST_DELAY_SEARCH: f64 = 30.0;
-/// Error of a usual pressure transducer, of its span: upper end of the usual class, 0.25 to 0.5 %.
+/// Error of a typical pressure transducer as a share of its span: upper end of the usual class, 0.25 to 0.5
+/// %.
 const TRANSDUCER: f64 = 0.005;
-/// The valve has been open for so long where pump and piston side are compared \[s\], and the boom is all but at rest up to this speed \[m/s\].
+/// Time since the opening of the valve \[s\], and velocity below which the boom is nearly at rest \[m/s\],
+/// for the comparison of pump and piston side.
 const SETTLED: f64 = 0.5;
 const REST_SPEED: f64 = 5e-3;
-/// Windows in which a signal is looked at for a constant value \[s\], samples that one has at least, and the piston's travel in one from which the load moves \[m\].
+/// Window of the test for a stuck signal \[s\], smallest number of samples in it, and piston travel in it
+/// from which the load moves \[m\].
 const STUCK_WINDOW: f64 = 0.5;
 const STUCK_SAMPLES: usize = 5;
 const STUCK_TRAVEL: f64 = 5e-3;
-/// Points at which the two are compared.
+/// Number of points at which both are compared.
 const COMPARED: usize = 2000;
 
-/// Innovations of one measured number.
+/// Innovations of one measured signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct InnovationSummary {
-    /// Windows of a second with enough of them.
+    /// Number of one-second windows with enough innovations.
     pub windows: usize,
-    /// Mean normalised innovation squared; 1 is wanted.
+    /// Mean normalised innovation squared; 1 for a consistent filter.
     pub mean_nis: f64,
-    /// Windows with a mean NIS of at most 2.
+    /// Share of windows with a mean NIS of at most 2.
     pub consistent_percent: f64,
-    /// Mean of innovations over their standard deviation; 0 is wanted.
+    /// Mean of innovations over their standard deviation; 0 for a consistent filter.
     pub mean_over_sigma: f64,
 }
 
-/// Kinds of a finding: more noise than expected; a transducer that is off; a signal that does not change; a payload that the crane file does not have.
+/// Kinds of findings: excess noise, transducer offset, constant signal, and payload outside the crane
+/// file's range.
 const NOISE: &str = "noise";
 const OFFSET: &str = "offset";
 const STUCK: &str = "stuck";
 const RANGE: &str = "range";
 
-/// Something that is wrong with a signal.
+/// Fault of a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SignalFinding {
     /// Symbol of the signal.
     pub signal: &'static str,
-    /// missing, stuck, delay, offset, range, innovations, or noise.
+    /// Kind: missing, stuck, delay, offset, range, innovations, or noise.
     pub kind: &'static str,
-    /// What is wrong, in words.
+    /// Description of the fault.
     pub text: String,
 }
 
-/// What an estimate along a log is worth.
+/// Verdict on the estimates along a log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {
-    /// Whether the innovations are of the size that the filter says; none where there were too few.
+    /// Whether the innovations agree with their covariance; none if there were too few.
     pub is_consistent: Option<bool>,
-    /// Of the position and of the load pressure.
+    /// Innovations of the position.
     pub position: InnovationSummary,
-    /// The same of the load pressure.
+    /// Innovations of the load pressure.
     pub load_pressure: InnovationSummary,
-    /// Signals that are off.
+    /// Faulty signals.
     pub findings: Vec<SignalFinding>,
-    /// What the motion could not tell.
+    /// Parameters that the motion does not determine.
     pub unobservable: Vec<String>,
-    /// Times at which the innovations told a changed load or a shock \[s\].
+    /// Times at which the innovations indicate a load change or a shock \[s\].
     pub load_changes_s: Vec<f64>,
 }
 
-/// The verdict on a run of the filter.
+/// Verdict on a filter run.
 pub(crate) fn verdict(
     description: &Description,
     signals: &Signals,
@@ -134,7 +140,7 @@ pub(crate) fn verdict(
 }
 
 impl Verdict {
-    /// The verdict in a sentence.
+    /// Verdict in a sentence.
     pub fn sentence(&self) -> String {
         let changes = match self.load_changes_s.len() {
             0 => String::new(),
@@ -174,7 +180,7 @@ impl Verdict {
     }
 }
 
-/// Whether the innovations are of the size that the filter says; none where there were too few.
+/// Whether the innovations agree with their covariance; none if there were too few.
 pub(crate) fn is_consistent(found: &Run) -> Option<bool> {
     let all = [0, 1].map(|k| summary(found, k));
     let mut measured = all.iter().filter(|s| s.windows > 0).peekable();
@@ -198,7 +204,7 @@ fn summary(found: &Run, k: usize) -> InnovationSummary {
     }
 }
 
-/// Signals that are not there for a part of the log.
+/// Signals that are missing in a part of the log.
 fn missing(signals: &Signals, source: &Source<'_>, is_on_valve: bool) -> Vec<SignalFinding> {
     let (begin, end) = (source.begin, source.end());
     let mut found = Vec::new();
@@ -238,7 +244,8 @@ fn missing(signals: &Signals, source: &Source<'_>, is_on_valve: bool) -> Vec<Sig
     found
 }
 
-/// Signals that repeat one value while the load moves: pressures while the position changes, the position while the motor turns. A motor's speed may be constant.
+/// Signals that are constant while the load moves: pressures while the position changes, the position while
+/// the motor turns. A constant motor speed is no fault.
 fn stuck(
     signals: &Signals,
     source: &Source<'_>,
@@ -286,7 +293,7 @@ fn stuck(
     found
 }
 
-/// A payload that is outside of the crane file's range by more than its bound.
+/// Payload outside the crane file's range by more than its bound.
 fn out_of_range(description: &Description, found: &Run) -> Option<SignalFinding> {
     let range = description.ranges();
     let (low, high) = (range.low.payload, range.high.payload);
@@ -301,19 +308,20 @@ fn out_of_range(description: &Description, found: &Run) -> Option<SignalFinding>
     })
 }
 
-/// A delay of position or load pressure against the other signals, found by the likelihood of the log.
+/// Delay of position or load pressure relative to the other signals, found by the likelihood of the log.
 pub(crate) struct Delay {
-    /// Gain of twice the log likelihood per measured number.
+    /// Gain of twice the log-likelihood per measured value.
     pub(crate) gain: f64,
     signal: &'static str,
-    /// How late it is \[s\].
+    /// Delay \[s\].
     late: f64,
 }
 
-/// The delay under which the log is likelier than without by more than [`LOG_LIKELIHOOD_GAIN`], and consistent: likelihoods of a model that does not hold say nothing.
+/// Delay under which the log is more likely by more than [`LOG_LIKELIHOOD_GAIN`] and consistent. The
+/// likelihood of an inconsistent model has no meaning.
 pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Option<Delay> {
     let part = moving(source)?;
-    // refined by up to half of itself
+    // the refinement changes a delay by up to half of itself
     let margin = 1.5 * DELAYS[DELAYS.len() - 1];
     let scored = [part.begin + margin, part.end() - margin];
     let delayed = |k: usize, late: f64| {
@@ -334,7 +342,7 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
         }
     }
     let (mut least, k, mut late) = best?;
-    // halving steps around the best
+    // refinement around the best trial delay with halved steps
     let mut step = 0.25 * late.abs();
     while step > DELAY_RESOLUTION {
         for near in [late - step, late + step] {
@@ -345,7 +353,7 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
         }
         step *= 0.5;
     }
-    // at the end of the search another cause is likelier
+    // a delay at the end of the search range probably has another cause
     let is_inside = late.abs() < DELAYS[DELAYS.len() - 1];
     if !is_inside || is_consistent(&delayed(k, late)) != Some(true) {
         return None;
@@ -369,8 +377,8 @@ impl Delay {
     }
 }
 
-/// Measurement noise of position \[m\] and load pressure \[Pa\] under which the log is likeliest, each no less than the filter's, with the gain of twice
-/// the log likelihood per measured number.
+/// Measurement noise of position \[m\] and load pressure \[Pa\] of largest likelihood, each at least the
+/// filter's, with the gain of twice the log-likelihood per measured value.
 pub(crate) fn likeliest_noise(
     estimator: &StateEstimator<f64>,
     source: &Source<'_>,
@@ -403,7 +411,7 @@ pub(crate) fn likeliest_noise(
     (noise, now - lowest)
 }
 
-/// What is said of a noise beyond the one expected.
+/// Findings of noise above the expected one.
 pub(crate) fn noise_findings(expected: [f64; 2], found: [f64; 2]) -> Vec<SignalFinding> {
     let units = [("position", 1e3, "mm"), ("load pressure", 1e-5, "bar")];
     let pairs = units.into_iter().zip(expected.into_iter().zip(found));
@@ -421,7 +429,8 @@ pub(crate) fn noise_findings(expected: [f64; 2], found: [f64; 2]) -> Vec<SignalF
         .collect()
 }
 
-/// The part of a log in which delays are tried: from two seconds before it begins to move; none where nothing moves.
+/// Part of a log in which delays are searched, from two seconds before the first motion; none without
+/// motion.
 fn moving<'a>(source: &Source<'a>) -> Option<Source<'a>> {
     let (time, values) = (source.position.time(), source.position.values());
     let first = *values.get(time.partition_point(|t| *t < source.begin))?;
@@ -434,7 +443,7 @@ fn moving<'a>(source: &Source<'a>) -> Option<Source<'a>> {
     Some(Source { begin, periods: left.max(0.0) as usize, ..*source })
 }
 
-/// The piston-side pressure beside that on the pump's side of the open load-holding valve.
+/// Comparison of the piston-side pressure with that on the pump side of the open load-holding valve.
 fn offset(
     description: &Description,
     signals: &Signals,
@@ -442,7 +451,7 @@ fn offset(
     estimator: &StateEstimator<f64>,
 ) -> Option<SignalFinding> {
     let (a, pump) = (signals.get(Signal::PressureA)?, signals.get(Signal::PressurePumpA)?);
-    // a valve that was not logged may be shut
+    // a valve without a record may be shut
     let valve = source.valve?;
     let is_open = |time: f64| {
         valve.held(time).is_some_and(|v| v >= 0.5)
@@ -478,7 +487,7 @@ fn offset(
     })
 }
 
-/// Load pressure of a kilogram \[Pa/kg\] in the middle of the log.
+/// Load pressure per kilogram of payload \[Pa/kg\] in the middle of the log.
 fn pressure_per_kg(estimator: &StateEstimator<f64>, source: &Source<'_>) -> f64 {
     let model = &estimator.filter.model;
     let middle = 0.5 * (source.begin + source.end());
@@ -487,7 +496,7 @@ fn pressure_per_kg(estimator: &StateEstimator<f64>, source: &Source<'_>) -> f64 
     (at(model.maximum_payload) - at(0.0)) / model.maximum_payload
 }
 
-/// What the motion could not tell, and what no motion can.
+/// Parameters that this motion does not determine, and those that none can.
 fn unobservable(
     description: &Description,
     estimator: &StateEstimator<f64>,

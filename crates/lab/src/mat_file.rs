@@ -1,19 +1,19 @@
-//! Matrices in a MAT file of level 4: what MATLAB, Octave and SciPy all read.
+//! Matrices in a MAT file of level 4, which MATLAB, Octave and SciPy read.
 //!
-//! Each matrix is five 32-bit integers (type, rows, columns, imaginary, length of the name), the
-//! name with a zero, and the entries column by column. That is less than the crates for the later
-//! formats would need to be given.
+//! Each matrix consists of five 32-bit integers (type, rows, columns, imaginary, length of the name), the
+//! zero-terminated name, and the entries column by column. This is less code than the use of a crate for
+//! the later formats.
 
-/// One matrix to be written.
+/// Matrix to be written.
 #[derive(Clone, Debug)]
 pub struct Matrix<'a> {
     /// Name of the variable.
     pub name: &'a str,
-    /// Its rows, of equal length.
+    /// Rows of equal length.
     pub rows: &'a [Vec<f64>],
 }
 
-/// A text variable for each of the lines, padded to equal length: a character matrix.
+/// Character matrix of the lines, padded to equal length.
 fn text(name: &str, lines: &[String]) -> Vec<u8> {
     let width = lines.iter().map(String::len).max().unwrap_or(0);
     let padded: Vec<Vec<f64>> = lines
@@ -41,7 +41,7 @@ fn variable(name: &str, rows: &[Vec<f64>], kind: i32) -> Vec<u8> {
     bytes
 }
 
-/// The file: matrices, and lists of names as character matrices.
+/// File content: matrices, and lists of names as character matrices.
 pub fn mat_file(matrices: &[Matrix<'_>], names: &[(&str, &[String])]) -> Vec<u8> {
     let numbers = matrices.iter().flat_map(|matrix| variable(matrix.name, matrix.rows, 0));
     let texts = names.iter().flat_map(|(name, lines)| text(name, lines));

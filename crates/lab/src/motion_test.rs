@@ -1,5 +1,4 @@
-//! Tests 1 to 3 of section 5.3: four strategies, two speeds, on a plant that may differ from the
-//! model.
+//! Tests 1 to 3 of section 5.3: strategies at two speeds on a plant that may differ from the model.
 
 use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation, TrackingError};
 use crate::closed_loop::sample::Sample;
@@ -13,30 +12,33 @@ use hydroboom_description::Description;
 use hydroboom_design::stability::LoopStability;
 use serde::{Serialize, Serializer};
 
-/// Writes a strategy by its name.
+/// Serialises a strategy by its name.
 pub(crate) fn by_name<S: Serializer>(strategy: &Strategy, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(strategy.name())
 }
 
-/// One strategy along one course on one plant.
+/// Run of one strategy along one course on one plant.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The strategy.
+    /// Strategy.
     pub strategy: Strategy,
     /// Name of the course.
     pub course: String,
-    /// Its largest speed \[m/s\].
+    /// Largest speed of the course \[m/s\].
     pub speed: f64,
-    /// Every control period.
+    /// All control periods.
     pub samples: Vec<Sample>,
-    /// The sustained oscillation that the piston was in while its reference rested, and after the course's end where it may have begun there.
+    /// Sustained oscillation of the piston while its reference rested, and after the course's end if it may
+    /// have begun there.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// Why the simulation stopped before the course's end, or in the rest after it; none where it came to its end. Samples go as far as it went.
+    /// Reason why the simulation stopped before the course's end, or in the rest after it; none if
+    /// complete. The samples go up to the stop.
     pub stopped: Option<String>,
 }
 
 impl Run {
-    /// That of a strategy along a course, whose samples ended as they did: a simulation that left what the model holds for is a run that stopped.
+    /// Result of a strategy along a course. A simulation whose state left the model's range of validity is
+    /// a stopped run.
     fn ended(
         model: &Description,
         plant: &Description,
@@ -59,19 +61,20 @@ impl Run {
         Ok(run)
     }
 
-    /// Whether its reference was followed to the end, and the piston came to rest where the reference rested: only then its errors are tracking errors.
+    /// Whether the course was completed and the piston came to rest where the reference rested. Only then
+    /// are its errors tracking errors.
     pub fn is_stable(&self) -> bool {
         self.sustained_oscillation.is_none() && self.stopped.is_none()
     }
 
-    /// How well the course was followed.
+    /// Metrics of the run.
     pub fn metrics(&self) -> Metrics {
         let mut metrics = Metrics::new();
         self.samples.iter().for_each(|sample| metrics.add(sample));
         metrics
     }
 
-    /// RMS and peak of the tracking error, or the sustained oscillation that they would tell of.
+    /// RMS and peak of the tracking error, or the sustained oscillation or stop in their place.
     pub fn tracking(&self) -> String {
         let metrics = self.metrics();
         if let Some(reason) = &self.stopped {
@@ -92,71 +95,73 @@ impl Run {
         }
     }
 
-    /// Root mean square of the measured tracking error over the whole motion, rests included \[m\].
+    /// RMS measured tracking error over the whole motion, rests included \[m\].
     pub fn rms(&self) -> f64 {
         self.metrics().rms()
     }
 
-    /// The measured error of largest magnitude, with its sign \[m\].
+    /// Measured error of largest magnitude, with its sign \[m\].
     pub fn peak(&self) -> f64 {
         self.metrics().peak()
     }
 }
 
-/// One row of the tables.
+/// Row of a results table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Name of the plant, `nominal` for the model itself.
     pub plant: String,
-    /// The strategy.
+    /// Strategy.
     #[serde(serialize_with = "by_name")]
     pub strategy: Strategy,
     /// Name of the course.
     pub course: String,
-    /// Its largest speed.
+    /// Largest speed of the course.
     pub speed_mm_s: f64,
-    /// Whether the piston came to rest where its reference rested: false in a sustained oscillation, and where the simulation stopped.
+    /// Whether the piston came to rest where its reference rested: false for a sustained oscillation or a
+    /// stopped simulation.
     pub stable: bool,
-    /// Whether the loops that the strategy steers through are stable around the plant, linearised. Where one is not, errors that look well come of friction that holds
-    /// the piston, or of a motor that swings within its limits.
+    /// Whether the linearised closed loops of the strategy on the plant are stable. If one is not, small
+    /// errors are due to friction that holds the piston, or to an oscillation limited by the motor.
     pub has_stable_loops: bool,
-    /// Why the simulation stopped before the course's end; no numbers stand beside it.
+    /// Reason why the simulation stopped before the course's end; it then has no errors.
     pub stopped: Option<String>,
-    /// That oscillation. Errors beside it tell of it, and not of how well a reference is followed.
+    /// Sustained oscillation, if any. The errors then measure the oscillation and not the tracking.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// Tracking error here.
+    /// Tracking error.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// What the course cost and left.
+    /// Effort and vibration.
     #[serde(flatten)]
     pub effort: Effort,
-    /// RMS error of the paper, measured on the real crane, where its speed was this.
+    /// RMS error of the paper at this speed, measured on the real crane.
     pub paper_rms_mm: Option<f64>,
     /// Peak error of the paper.
     pub paper_peak_mm: Option<f64>,
 }
 
 impl Row {
-    /// The same without the paper's figures: they belong to its own crane.
+    /// The same without the paper's values, which apply to its own crane only.
     #[must_use]
     pub fn without_paper(self) -> Self {
         Self { paper_rms_mm: None, paper_peak_mm: None, ..self }
     }
 
-    /// The same with what the loops around its plant are.
+    /// The same with the stability of the loops on its plant.
     #[must_use]
     pub fn with_loops(self, loops: &[LoopStability]) -> Self {
         let stable = loops.iter().filter(|of| of.is_of(self.strategy)).all(|of| of.stable);
         Self { has_stable_loops: stable, ..self }
     }
 
-    /// Name of its strategy, with a mark where a loop is unstable, or the run was in sustained oscillation or stopped.
+    /// Name of the strategy, marked if a loop is unstable, or the run was in sustained oscillation or
+    /// stopped.
     pub fn marked_name(&self) -> String {
         let mark = if self.stable && self.has_stable_loops { "" } else { UNSTABLE_MARK };
         format!("{}{mark}", self.strategy.name())
     }
 
-    /// The row of a run on the named plant.
+    /// Row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
         let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());
         let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));
@@ -183,19 +188,19 @@ impl Row {
     }
 }
 
-/// Stands behind the name of a strategy whose loop is unstable.
+/// Mark behind the name of a strategy whose loop is unstable.
 pub const UNSTABLE_MARK: &str = " (!)";
 
-/// What [`UNSTABLE_MARK`] means.
+/// Explanation of [`UNSTABLE_MARK`].
 pub const REMARK_ON_MARK: &str = "(!): its closed loop is unstable, linearised, or the run was in sustained oscillation or stopped; its errors and effort are no merit.";
 
-/// That, where a row has the mark.
+/// That explanation if a row is marked.
 pub fn remark_on_mark(rows: &[Row]) -> Option<&'static str> {
     let is_marked = rows.iter().any(|row| !(row.stable && row.has_stable_loops));
     is_marked.then_some(REMARK_ON_MARK)
 }
 
-/// What is to be said of runs in sustained oscillation, and of those that stopped, a sentence each.
+/// Remarks on runs in sustained oscillation and on stopped runs, a sentence each.
 pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
     let remark = |row: &Row| {
         let what = match (&row.stopped, row.sustained_oscillation) {
@@ -211,15 +216,14 @@ pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
     rows.iter().filter_map(remark).collect()
 }
 
-/// Runs one strategy along a course: controllers every control period, cranes every simulation
-/// period.
+/// Runs one strategy along a course, with the controller every control period and the cranes every
+/// simulation period.
 ///
-/// The controller, and the simulation beside the machine, know the `model` only; what they control
-/// is the `plant`, seen through its sensors.
+/// Controller and simulated crane use the `model` only. They control the `plant`, measured by its sensors.
 ///
 /// # Errors
 ///
-/// [`LabError`] when either crane cannot be built or leaves what the model holds for.
+/// [`LabError`] if either crane cannot be built or its state leaves the model's range of validity.
 pub fn run(
     model: &Description,
     plant: &Description,
@@ -239,11 +243,12 @@ pub fn run(
     Ok(run)
 }
 
-/// The same of a crane that may leave what the model holds for: that ends the run there, and it is [`stopped`](Run::stopped).
+/// The same for a crane whose state may leave the model's range of validity: the run then ends there and is
+/// [`stopped`](Run::stopped).
 ///
 /// # Errors
 ///
-/// [`LabError`] when either crane cannot be built.
+/// [`LabError`] if either crane cannot be built.
 pub fn attempted(
     model: &Description,
     plant: &Description,
@@ -258,11 +263,11 @@ pub fn attempted(
     Run::ended(model, plant, (strategy, course), samples, end)
 }
 
-/// All strategies along a course, side by side where the plant allows it; those that stop, too.
+/// All strategies along a course, vectorised if the plant allows it, including stopped runs.
 ///
 /// # Errors
 ///
-/// As of [`attempted`].
+/// See [`attempted`].
 pub fn run_all(
     model: &Description,
     plant: &Description,

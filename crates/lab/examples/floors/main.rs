@@ -1,7 +1,9 @@
-//! What a load that changes leaves of a scenario's error whoever controls, on the nonlinear crane, beside what benchmark and scheduled LQR have, on cranes of the family.
-//! Along references that are not known ahead `hydroboom bounds` says so.
+//! Lower bounds of the error due to load changes for any controller, on the nonlinear crane. They are
+//! compared with the errors of benchmark controller and scheduled LQR on cranes of the family. For
+//! references that are not known ahead `hydroboom bounds` gives the bounds.
 //!
-//! `floors -- payload-change 24` for the first 24 cranes of seed 1, or load-in-motion; without a number for 16.
+//! `floors -- payload-change 24` runs the first 24 cranes of seed 1; the other scenario is load-in-motion.
+//! The default is 16 cranes.
 
 mod pull;
 
@@ -18,28 +20,28 @@ use std::error::Error;
 type Failure = Box<dyn Error + Send + Sync>;
 
 const SEED: u64 = 1;
-/// Without a number.
+/// Default number of cranes.
 const CRANES: u64 = 16;
 
-/// A crane along a course, and a run under the scheduled LQR.
+/// Crane, course, and a run under the scheduled LQR.
 struct Case {
     crane: Description,
     course: Box<dyn Course>,
     scheduled: Run,
 }
 
-/// A motor that turns no faster than so many times the benchmark's is as good as that.
+/// Largest motor speed over the benchmark's that counts as equal to it.
 const TWENTIETH: f64 = 1.05;
-/// What is left with such a motor.
+/// Name of the bound with that motor speed.
 const WITHIN: &str = "so within 1.05";
-/// The same once the change shows.
+/// The same with detection of the change by its measured effect.
 const SHOWN_WITHIN: &str = "shown, in 1.05";
-/// And braked by that motor, too.
+/// The same with braking by the motor.
 const BRAKED: &str = "and braked";
 const SCHEDULED: &str = "scheduled LQR";
 const BENCHMARK: &str = "benchmark";
 
-/// An error \[m\]: root of its mean square, and the farthest.
+/// Error \[m\]: RMS and largest magnitude.
 #[derive(Clone, Copy)]
 struct Left {
     rms: f64,
@@ -52,7 +54,8 @@ impl From<&Run> for Left {
     }
 }
 
-/// What is left at best, by name, of a crane whose motor turns at `most` \[rev/s\] under the benchmark.
+/// Lower bounds of the error, by name; `most` is the crane's largest motor speed \[rev/s\] under the
+/// benchmark controller.
 fn floors(case: &Case, most: f64) -> Result<Vec<(&'static str, Left)>, Failure> {
     if case.course.loads().is_empty() {
         let name = case.course.name();
@@ -71,11 +74,11 @@ fn floors(case: &Case, most: f64) -> Result<Vec<(&'static str, Left)>, Failure> 
     ])
 }
 
-/// What a crane of the family has along a course.
+/// Results of a crane along a course.
 struct Row {
-    /// Names of what is left, by whom, and what is.
+    /// Errors by name of the bound or controller.
     columns: Vec<(&'static str, Left)>,
-    /// Its largest motor speed under the scheduled LQR over that under the benchmark.
+    /// Largest motor speed under the scheduled LQR over that under the benchmark controller.
     motor: f64,
 }
 
@@ -95,7 +98,7 @@ impl Row {
         Ok(Self { columns, motor: own / most })
     }
 
-    /// RMS of what is left under that name over the benchmark's; none where there is none of it.
+    /// RMS error of a column over the benchmark's; none if there is no such column.
     fn over_benchmark(&self, name: &str) -> Option<f64> {
         let rms =
             |name| self.columns.iter().find(|(own, _)| *own == name).map(|(_, left)| left.rms);
@@ -103,7 +106,7 @@ impl Row {
     }
 }
 
-/// Prints RMS over the benchmark's, of each column.
+/// Prints median, 95th percentile and maximum of the RMS error over the benchmark's for each column.
 fn print_spreads<'a>(rows: impl Iterator<Item = &'a Row> + Clone) {
     let Some(first) = rows.clone().next() else { return };
     for (name, _) in &first.columns {

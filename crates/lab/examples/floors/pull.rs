@@ -1,10 +1,14 @@
-//! What a load that changes leaves of the error whoever controls. A crane is led by the scheduled LQR up to the change; from that very instant, as if
-//! it had been known, the motor is told all its speed against the pull, and as soon as the piston is home it counts as being there at rest
-//! for the rest of the course. Nothing that turns this motor has less: oil that is delivered moves a mass on an oil spring that way, and not the other
-//! way before a full swing is over, however the oil stiffens; so more of it leaves less of the pull until the piston is home.
+//! Lower bound of the error after a load change, for any controller. The crane runs under the scheduled LQR
+//! up to the change. From then on the motor turns at its largest speed against the deviation. As soon as
+//! the piston is back at its earlier error, it counts as being at rest there for the remaining course.
 //!
-//! Or told so not before the change shows: in what is read of the piston or of the load pressure, beside the same crane without the change, by more than noise
-//! makes of them. Or told so, and in time all its speed the other way, so that the piston is at rest when it is home.
+//! No other command of this motor gives a smaller error. Delivered oil moves the mass on the oil spring in
+//! its own direction for a full oscillation period, whatever the stiffness of the oil. More delivered oil
+//! therefore leaves a smaller deviation until the piston is back.
+//!
+//! Variants: the full speed begins only once the change shows in the measured position or load pressure. It
+//! shows when the difference from the same crane without the change exceeds the noise. And: the motor
+//! reverses to full speed in time, so that the piston is at rest when it is back.
 
 use super::{Case, Failure, Left};
 use hydroboom_control::command::AxisCommand;
@@ -12,32 +16,34 @@ use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// A piston that was never pulled so far is home \[m\].
+/// Smallest deviation that counts as one \[m\].
 const PULLED: f64 = 1e-3;
-/// It is over by then \[s\].
+/// Duration of the computation after the change \[s\].
 const LONGEST: f64 = 2.0;
-/// What is read is more than noise beyond so many of its standard deviations: one in a hundred thousand is, and there are a thousand in a second.
+/// Detection threshold in standard deviations of the noise. One sample in a hundred thousand exceeds it by
+/// chance, at a thousand samples per second.
 const SHOWS: f64 = 4.3;
 
-/// When whoever controls knows of a change.
+/// Time from which the controller knows of the load change.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Knows {
-    /// From the very instant.
+    /// From the moment of the change.
     AtOnce,
-    /// From when it shows.
+    /// From its detection in the measurements.
     OnceItShows,
 }
 
-/// How a piston is when it is home.
+/// State of the piston on its return.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Home {
-    /// At rest from then on, however fast it came.
+    /// At rest from then on, whatever its velocity.
     Stopped,
-    /// At rest by its motor.
+    /// Brought to rest by the motor.
     Braked,
 }
 
-/// Whether what is read of a crane is another than of its twin by more than noise, which is the same for both.
+/// Whether the measured position or load pressure differs from that of the crane without the change by more
+/// than the noise, which is the same for both.
 fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bool {
     let n = &crane.numbers;
     let [here, there] = [machine, twin].map(VirtualCrane::signals);
@@ -48,31 +54,32 @@ fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bo
             > SHOWS * load_pressure
 }
 
-/// A crane whose load has changed, and what it is told in each period from then on.
+/// Crane with a changed load, and reference and command of each later period.
 struct Pull {
     machine: VirtualCrane,
     periods: Vec<(SetPoint<f64>, AxisCommand<f64>)>,
-    /// Where the piston was off before \[m\].
+    /// Error before the change \[m\].
     begins: f64,
-    /// Motor speed against the pull \[rev/s\].
+    /// Motor speed against the deviation \[rev/s\].
     against: f64,
-    /// So many periods after the change it is known.
+    /// Number of periods after the change from which it is known.
     known: usize,
 }
 
-/// How a pull ended.
+/// Result of a deviation.
 #[derive(Clone, Copy)]
 struct Pulled {
-    /// Sum of squares \[m²\] over the samples in which the piston was pulled off.
+    /// Sum of the squared deviations \[m²\].
     square: f64,
-    /// How far it was \[m\].
+    /// Largest deviation \[m\].
     farthest: f64,
-    /// Whether it was home before it was at rest again.
+    /// Whether the piston returned before it came to rest.
     home: bool,
 }
 
 impl Pull {
-    /// By the change of the given number, of a crane led until then as in the run, and then with a motor that turns so fast \[rev/s\].
+    /// The deviation after load change `number`. Up to it the crane is driven by the commands of the run;
+    /// then the motor turns at `motor_speed` \[rev/s\].
     fn by(case: &Case, number: usize, motor_speed: f64, knows: Knows) -> Result<Self, Failure> {
         let Case { crane, course, scheduled, .. } = case;
         let change = &course.loads()[number];
@@ -116,7 +123,8 @@ impl Pull {
         Ok(Self { machine, periods, begins, against, known })
     }
 
-    /// With all of the motor against it, and the other way from the given period on, until the piston is home or at rest on its way there.
+    /// Motor at full speed against the deviation, and in reverse from the given period on, until the piston
+    /// returns or comes to rest before it.
     fn braked_from(&self, period: usize) -> Result<Pulled, Failure> {
         let mut machine = self.machine.clone();
         let (mut square, mut farthest) = (0.0, 0.0_f64);
@@ -143,13 +151,14 @@ impl Pull {
         Ok(Pulled { square, farthest, home: farthest <= PULLED })
     }
 
-    /// Braked as late as it may be, or not at all.
+    /// Result with the latest possible braking, or without braking.
     fn ends(&self, home: Home) -> Result<Pulled, Failure> {
         let unbraked = self.braked_from(usize::MAX)?;
         if home == Home::Stopped || unbraked.farthest <= PULLED {
             return Ok(unbraked);
         }
-        // the earliest that does not leave it at rest before it is home: it passes by less than it moves in a period
+        // bisection for the earliest reversal with which the piston still returns: it then passes by less
+        // than its motion in a period
         let (mut short, mut passes) = (self.known, self.periods.len());
         let mut ends = unbraked;
         while short + 1 < passes {
@@ -165,7 +174,8 @@ impl Pull {
     }
 }
 
-/// What the changes of a course leave at best, with a motor that turns no faster than this \[rev/s\].
+/// Lower bound of the error due to the load changes of a course, with the given largest motor speed
+/// \[rev/s\].
 pub fn left(case: &Case, motor_speed: f64, knows: Knows, home: Home) -> Result<Left, Failure> {
     let [mut square, mut farthest] = [0.0, 0.0_f64];
     for number in 0..case.course.loads().len() {

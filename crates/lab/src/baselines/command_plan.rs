@@ -1,35 +1,38 @@
-//! Commands of a predictive controller over its horizon, and what is commanded where a control period brings no new ones.
+//! Planned commands of a predictive controller over its horizon, and the command in a control period
+//! without a solution.
 //!
-//! Then the last plan goes on, moved on by a period, as a warm start would have it: what was feasible a period ago is so still but for what was measured since. Before the first plan
-//! the motor stands.
+//! Without a solution the last plan is shifted by one period, as in a warm start. A plan that was feasible
+//! one period ago is still feasible except for the newest measurement. Before the first plan the command is
+//! zero.
 //!
 //! Source: J. B. Rawlings, D. Q. Mayne, M. M. Diehl, *Model Predictive Control: Theory, Computation, and Design*, second edition, 2017, section 2.7 (suboptimal model-predictive
 //! control).
 
 use super::horizon::{BLOCKS, advanced};
 
-/// The last plan, and how many periods have brought none.
+/// Last plan, and the number of periods without a solution.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct CommandPlan {
-    /// Commands of the blocks \[rev/s\]; none before the first.
+    /// Commands of the blocks \[rev/s\]; none before the first plan.
     commands: Option<[f64; BLOCKS]>,
     without_solution: u64,
 }
 
 impl CommandPlan {
-    /// The last plan a period on; none before the first.
+    /// Last plan shifted by one period; none before the first plan.
     pub(super) fn next(&self) -> Option<[f64; BLOCKS]> {
         self.commands.as_ref().map(advanced)
     }
 
-    /// The command \[rev/s\] of a period with what it brought: the new plan's first one, else that of the last plan moved on, else none at all, zero.
+    /// Command of a period \[rev/s\]: the first of the new plan, else that of the shifted last plan, else
+    /// zero.
     pub(super) fn command(&mut self, found: Option<[f64; BLOCKS]>) -> f64 {
         self.without_solution += u64::from(found.is_none());
         self.commands = found.or_else(|| self.next());
         self.commands.map_or(0.0, |commands| commands[0])
     }
 
-    /// Periods since the start that brought no plan.
+    /// Number of periods without a solution since the start.
     pub(super) fn without_solution(&self) -> u64 {
         self.without_solution
     }
@@ -39,7 +42,8 @@ impl CommandPlan {
 mod tests {
     use super::*;
 
-    /// Single periods at the horizon's beginning: what was planned for the next ones is commanded in them.
+    /// With single-period blocks at the start of the horizon, the shifted plan yields the commands planned
+    /// for the next periods.
     #[test]
     fn a_period_without_a_plan_takes_the_next_command_of_the_last() {
         let mut plan = CommandPlan::default();

@@ -1,4 +1,5 @@
-//! Condensed quadratic program of a horizon: states are eliminated, the commands of the blocks are what is left.
+//! Condensed quadratic program of a horizon: the states are eliminated, and the unknowns are the commands
+//! of the blocks.
 //!
 //! ```text
 //! δz(k+1) = A_k δz(k) + b_k δu_k,  δz(0) = 0
@@ -11,53 +12,54 @@ use super::horizon::BLOCKS;
 use super::quadratic_program::QuadraticProgram;
 use nalgebra::{SMatrix, SVector};
 
-/// A number of a block as a linear function of the change of the state at its beginning and of its command.
+/// Quantity of a block as an affine function of the state deviation at its start and of its command.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear<const Z: usize> {
-    /// Gradient by the state.
+    /// Gradient with respect to the state.
     pub state: SVector<f64, Z>,
-    /// Slope by the command.
+    /// Derivative with respect to the command.
     pub command: f64,
-    /// Value where nothing is changed.
+    /// Value without a deviation.
     pub value: f64,
 }
 
-/// A limit of such a number.
+/// Limit of such a quantity.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limit<const Z: usize> {
-    /// The number.
+    /// Limited quantity.
     pub of: Linear<Z>,
-    /// Lowest and highest value.
+    /// Lower and upper limit.
     pub range: [f64; 2],
-    /// Cost of a violation; infinite where the limit is hard.
+    /// Price of a violation per unit; infinite for a hard limit.
     pub price: f64,
 }
 
-/// A block of the horizon, linearised about what is commanded so far: Z states, L limits.
+/// Block of the horizon, linearised about the present commands: Z states, L limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block<const Z: usize, const L: usize> {
     /// A_k
     pub transition: SMatrix<f64, Z, Z>,
     /// b_k
     pub input: SVector<f64, Z>,
-    /// Residuals at the block's end.
+    /// Residuals at the end of the block.
     pub residuals: [Linear<Z>; 2],
-    /// Residual of the command: slope and value.
+    /// Residual of the command: derivative and value.
     pub command_residual: [f64; 2],
-    /// Lowest and highest change of the command.
+    /// Smallest and largest change of the command.
     pub command_range: [f64; 2],
     /// Limits.
     pub limits: [Limit<Z>; L],
 }
 
-/// Fills in the program whose unknowns are the changes of the commands over `scale`; R rows are L limits a block.
+/// Sets up the program whose unknowns are the changes of the commands over `scale`. Its R rows are the L
+/// limits of each block.
 pub(super) fn condense<const Z: usize, const L: usize, const R: usize>(
     program: &mut QuadraticProgram<BLOCKS, R>,
     blocks: &[Block<Z, L>; BLOCKS],
     (cost_to_go, end): (&SMatrix<f64, Z, Z>, &SVector<f64, Z>),
     scale: f64,
 ) {
-    // δz of this block by the commands before it
+    // derivative of this block's δz with respect to the earlier commands
     let mut response = SMatrix::<f64, Z, BLOCKS>::zeros();
     program.hessian.fill(0.0);
     program.slope.fill(0.0);

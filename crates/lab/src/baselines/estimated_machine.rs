@@ -1,4 +1,5 @@
-//! The machine as the predictive controllers know it: estimator, reduced model, operating point and regulator of the scheduled LQR.
+//! Machine model of the predictive controllers: estimator, reduced model, operating point and regulator of
+//! the scheduled LQR.
 
 use crate::LabError;
 use hydroboom_control::controller::Controller;
@@ -13,30 +14,31 @@ use hydroboom_control::measurement::Measurement;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
 
-/// Estimator, law and regulator.
+/// Estimator, control law and regulator.
 pub(super) struct EstimatedMachine {
-    /// Holds the estimator, and takes measurements in as it does under its own law.
+    /// Estimator, with measurements processed as under its own control law.
     observer: ScheduledLqrController,
-    /// Weights, gain schedule and smoothing; its command is not used.
+    /// Weights, gain schedule and smoothing. Its command is not used.
     pub law: ScheduledLqr<f64>,
     regulator: Regulator<f64>,
-    /// Motor speed that was commanded last \[rev/s\].
+    /// Motor speed commanded last \[rev/s\].
     command: f64,
 }
 
-/// What is known in a control period.
+/// Information available in a control period.
 #[derive(Clone, Copy)]
 pub(super) struct Now<'a> {
     /// The estimator.
     pub estimator: &'a StateEstimator<f64>,
-    /// Its estimates, at the time of the measurement.
+    /// Estimates at the time of the measurement.
     pub estimated: &'a StateEstimatorState<f64>,
-    /// State when the command arrives.
+    /// Predicted state at the time the command acts.
     pub predicted: PredictedState<f64>,
 }
 
 impl Now<'_> {
-    /// All states when the command arrives: friction has gone the way of the load.
+    /// Full state at the time the command acts. The friction force is predicted with the motion of the
+    /// load.
     pub(super) fn state(&self) -> MachineState<f64> {
         let estimate = &self.estimated.filter.estimate;
         let PredictedState { position, velocity, load_pressure, .. } = self.predicted;
@@ -55,7 +57,7 @@ impl EstimatedMachine {
         Ok(Self { observer, law, regulator, command: 0.0 })
     }
 
-    /// Begins at rest; the regulator of the operating point settles.
+    /// Initialises at rest; the regulator is that of the operating point.
     pub(super) fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
         self.observer.start(measurement, delay_cycles);
         if let Some(state) = self.observer.law_state() {
@@ -64,7 +66,7 @@ impl EstimatedMachine {
         self.command = 0.0;
     }
 
-    /// Takes a measurement in; the regulator follows the operating point.
+    /// Processes a measurement and updates the regulator to the operating point.
     pub(super) fn observe(&mut self, measurement: &Measurement) {
         self.observer.observe(measurement, self.command);
         if let Some(estimated) = self.observer.estimated() {
@@ -73,7 +75,7 @@ impl EstimatedMachine {
         }
     }
 
-    /// What is known; none before the first good measurement.
+    /// Information of this control period; none before the first valid measurement.
     pub(super) fn now(&self) -> Option<Now<'_>> {
         let estimator = self.observer.estimator();
         let estimated = self.observer.estimated()?;
@@ -85,7 +87,7 @@ impl EstimatedMachine {
         &self.regulator
     }
 
-    /// Keeps what is commanded \[rev/s\], which the estimator takes in with the next measurement.
+    /// Stores the command \[rev/s\], an input of the estimator with the next measurement.
     pub(super) fn commanded(&mut self, command: f64) {
         self.command = command;
     }

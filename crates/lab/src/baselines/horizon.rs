@@ -1,20 +1,22 @@
-//! Horizon of the predictive controllers: blocks in which the commanded motor speed is constant, short ones first (move blocking).
+//! Horizon of the predictive controllers: blocks of constant commanded motor speed, short ones first (move
+//! blocking).
 //!
-//! The first blocks are as long as a control period, so that near an operating point the controller is as fast as a regulator of that period. What comes after the
-//! last block costs what the regulator's cost to go says, so that the horizon need not be longer.
+//! The first blocks last one control period, so that near an operating point the controller is as fast as a
+//! regulator with that period. The regulator's cost-to-go is the terminal cost, which replaces a longer
+//! horizon.
 //!
 //! Source: R. Cagienard, P. Grieder, E. C. Kerrigan, M. Morari, *Move blocking strategies in receding horizon control*, Journal of Process Control 17(6), 2007.
 
-/// Blocks of the horizon.
+/// Number of blocks in the horizon.
 pub(super) const BLOCKS: usize = 30;
 
-/// Control periods in each block: 0.318 s in all where the control period is 1 ms.
+/// Control periods in each block; the horizon is 0.318 s for a control period of 1 ms.
 pub(super) const PERIODS: [usize; BLOCKS] = [
     1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 5, 5, 5, 5, 5, 5, 15, 15, 15, 15, 15, 15, 30, 30, 30, 30,
     30, 30,
 ];
 
-/// Control periods before each block; the last is the whole horizon.
+/// Control periods before each block; the last entry is the whole horizon.
 pub(super) const BEGINS: [usize; BLOCKS + 1] = {
     let mut begins = [0; BLOCKS + 1];
     let mut k = 0;
@@ -25,8 +27,9 @@ pub(super) const BEGINS: [usize; BLOCKS + 1] = {
     begins
 };
 
-/// Weight of the state at each block's end, in periods: with the beginnings' shares the sum over all periods, each weighted at its beginning, where a cost is linear over a block. Of a
-/// block of m periods its beginning has (m + 1)/2 and its end (m − 1)/2.
+/// Weight of the state at the end of each block \[periods\]. The cost is a sum over all periods, each
+/// weighted at its beginning; within a block it is taken as linear. A block of m periods then contributes
+/// (m + 1)/2 to its beginning and (m − 1)/2 to its end.
 pub(super) const WEIGHTS: [f64; BLOCKS] = {
     let mut weights = [0.0; BLOCKS];
     let mut k = 0;
@@ -38,7 +41,8 @@ pub(super) const WEIGHTS: [f64; BLOCKS] = {
     weights
 };
 
-/// Commands of the blocks a control period later: each block takes what moves into it of the next one; the last stays.
+/// Commands of the blocks one control period later. Each block takes the share of the next block that moves
+/// into it; the last block is unchanged.
 pub(super) fn advanced(commands: &[f64; BLOCKS]) -> [f64; BLOCKS] {
     std::array::from_fn(|k| {
         let next = commands[(k + 1).min(BLOCKS - 1)];
@@ -61,7 +65,7 @@ mod tests {
     fn commands_that_are_a_ramp_over_time_stay_that_ramp() {
         let middle = |k: usize| BEGINS[k] as f64 + 0.5 * PERIODS[k] as f64;
         let ramp: [f64; BLOCKS] = std::array::from_fn(middle);
-        // exact where the next block is as long, and where blocks are single periods
+        // exact where the next block is as long, as with single-period blocks
         let later = advanced(&ramp);
         for k in (0..BLOCKS - 1).filter(|k| PERIODS[*k] == PERIODS[k + 1]) {
             assert!((later[k] - ramp[k] - 1.0).abs() < 1e-12, "block {k}: {}", later[k] - ramp[k]);

@@ -1,4 +1,5 @@
-//! Steady-state Kalman filter of the linear plant and its disturbances, from position and load pressure.
+//! Steady-state Kalman filter of the linear plant with disturbance states. Measurements are position and
+//! load pressure.
 
 use super::linear_plant::{ALL, LinearPlant};
 use super::riccati::least_variance;
@@ -6,24 +7,26 @@ use crate::LabError;
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use nalgebra::{SMatrix, SVector, matrix, vector};
 
-/// Standard deviations of what is read: position \[m\], load pressure \[Pa\].
+/// Standard deviations of the measurement noise: position \[m\], load pressure \[Pa\].
 const READINGS: [f64; 2] = [1e-5, 3e4];
-/// A filter of constant gain.
+/// Kalman filter of constant gain.
 pub(super) struct KalmanFilter {
     gain: SMatrix<f64, ALL, 2>,
-    /// Position, velocity, load pressure; acceleration and rate of the pressure that nobody knows of.
+    /// Position, velocity, load pressure, disturbance acceleration and disturbance rate of the load
+    /// pressure.
     pub state: SVector<f64, ALL>,
 }
 
 impl KalmanFilter {
-    /// Of a plant that is sampled with `period` \[s\], its states drifting within a second by `drift` (standard deviations).
+    /// Filter of a plant sampled with `period` \[s\]. `drift`: standard deviation by which each state
+    /// drifts in one second.
     pub(super) fn new(
         crane: &LinearPlant,
         drift: &[f64; ALL],
         period: f64,
     ) -> Result<Self, LabError> {
         let reads = matrix![1.0, 0.0, 0.0, 0.0, 0.0; 0.0, 0.0, 1.0, 0.0, 0.0];
-        // in sizes that are alike, so that the recursion is well conditioned
+        // states scaled to similar magnitudes, so that the Riccati recursion is well conditioned
         let scale = SMatrix::<f64, ALL, ALL>::from_diagonal(&vector![1e-3, 1e-2, 1e5, 0.1, 1e6]);
         let inverse = SMatrix::<f64, ALL, ALL>::from_diagonal(&scale.diagonal().map(|s| 1.0 / s));
         let a = inverse * crane.a * scale;
@@ -39,18 +42,18 @@ impl KalmanFilter {
         Ok(Self { gain: scale * gain * back, state: SVector::zeros() })
     }
 
-    /// Begins at rest where the machine is.
+    /// Initialises at rest at the measured position.
     pub(super) fn start(&mut self, measured: &BenchmarkInput<f64>) {
         self.state = vector![measured.stroke, 0.0, measured.load_pressure, 0.0, 0.0];
     }
 
-    /// Correction by a measurement.
+    /// Measurement update.
     pub(super) fn correct(&mut self, measured: &BenchmarkInput<f64>) {
         let measured = vector![measured.stroke, measured.load_pressure];
         self.state += self.gain * (measured - vector![self.state[0], self.state[2]]);
     }
 
-    /// Prediction to the end of the coming period, at the motor speed \[rev/s\].
+    /// Time update over one period at the given motor speed \[rev/s\].
     pub(super) fn predict(&mut self, crane: &LinearPlant, motor_speed: f64) {
         let (pressure, holding) = crane.rest(self.state[0]);
         self.state = crane.a * self.state + crane.b * vector![motor_speed - holding, pressure];

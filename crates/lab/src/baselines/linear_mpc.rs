@@ -1,7 +1,10 @@
-//! Linear model-predictive control: the quadratic program of the regulator over a horizon, with limits of the motor's speed and slew.
+//! Linear model-predictive control: the regulator's quadratic cost over a horizon, with limits of the
+//! motor's speed and slew rate.
 //!
-//! Estimator, reduced model, weights and reference are those of the scheduled LQR: the plant is that of the present operating point, linear over the horizon, and the
-//! cost behind the horizon is the regulator's cost to go. Without an active limit it is the regulator, but for commands that are held over a block.
+//! Estimator, reduced model, weights and reference are those of the scheduled LQR. The plant is linearised
+//! at the present operating point and constant over the horizon. The terminal cost is the regulator's
+//! cost-to-go. Without an active limit the controller equals the regulator, except that commands are
+//! constant within a block.
 //!
 //! Source: D. Q. Mayne, J. B. Rawlings, C. V. Rao, P. O. M. Scokaert, *Constrained model predictive control: stability and optimality*, Automatica 36(6), 2000.
 
@@ -20,10 +23,10 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector};
 
-/// Iterations of the program's solver.
+/// Iterations of the quadratic-program solver.
 const ITERATIONS: u32 = 10;
 
-/// Model-predictive control on the linear plant of the operating point.
+/// Model-predictive controller with the linear plant of the operating point.
 pub(super) struct LinearMpc {
     machine: EstimatedMachine,
     reference: Option<ReferenceAhead>,
@@ -38,7 +41,7 @@ impl LinearMpc {
         Ok(Self { machine, reference: None, program: QuadraticProgram::empty(), plan })
     }
 
-    /// Commands of the blocks \[rev/s\]; none where the program has no solution.
+    /// Commands of the blocks \[rev/s\]; none if the program has no solution.
     fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
         let Self { machine, reference, program, .. } = self;
         let now = machine.now()?;
@@ -56,7 +59,7 @@ impl LinearMpc {
         let change = program.minimum(ITERATIONS)?;
         let mut commands: [f64; BLOCKS] =
             std::array::from_fn(|k| horizon.motor_speeds[k] + speed * change[k]);
-        // a program that was solved to within a tolerance may be off by that
+        // the solution meets the limits to within the solver's tolerance only
         let (turns, reach) =
             (now.predicted.motor_speed, law.slew / now.estimated.drive.coefficient);
         commands[0] = commands[0].clamp(turns - reach, turns + reach);
@@ -64,7 +67,7 @@ impl LinearMpc {
     }
 }
 
-/// State and limits of the machine, as far as blocks need them.
+/// State and limits of the machine that the blocks use.
 struct Machine {
     state: SVector<f64, ORDER>,
     speed: f64,
@@ -90,7 +93,7 @@ fn square(rows: &Matrix<f64>) -> SMatrix<f64, ORDER, ORDER> {
     SMatrix::from_fn(|i, j| rows[i][j])
 }
 
-/// The blocks about the reference's own motor speed, and the error that is left at the end with it.
+/// Blocks linearised about the reference's motor speed, and the resulting error at the end of the horizon.
 fn linearised(
     plant: &LinearQuadratic<f64>,
     compliance: f64,
@@ -121,7 +124,7 @@ fn linearised(
         };
         let [by_position, by_velocity, by_speed] = machine.weights;
         let own = horizon.motor_speeds[k];
-        // the drive slews fastest as a block begins
+        // the motor's rate of change is largest at the start of a block
         let speed = reference(k)[3] + begin[3];
         let drive = machine.drive;
         Block {
@@ -162,7 +165,7 @@ impl Controller for LinearMpc {
         self.machine.observe(measurement);
         let found = self.solve(preview);
         if found.is_none() {
-            // what it remembers of the reference may be no number
+            // the state of the reference may be non-finite
             self.reference = None;
         }
         let command = self.plan.command(found);
@@ -185,7 +188,7 @@ mod tests {
     use super::*;
     use hydroboom_control::feedback::riccati::dot;
 
-    /// Without an active limit the first command is the regulator's, but for commands that are held over a block.
+    /// Without an active limit the first command is the regulator's, up to the effect of move blocking.
     #[test]
     fn without_a_limit_to_meet_it_is_the_regulator() {
         let machine = machine_at_rest(&Description::uia_single_boom().unwrap());

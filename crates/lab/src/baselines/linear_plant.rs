@@ -1,4 +1,4 @@
-//! Linear plant: a mass on the spring of the oil, linearised in mid-stroke and sampled, with two disturbance states.
+//! Linear plant: mass on the oil spring, linearised at mid-stroke and sampled, with two disturbance states.
 
 use crate::LabError;
 use hydroboom_control::reference::profile::SetPoint;
@@ -6,10 +6,10 @@ use hydroboom_description::Description;
 use hydroboom_design::operating_points::{OperatingPoint, OperatingPoints};
 use nalgebra::{SMatrix, SVector, matrix};
 
-/// Position, velocity, load pressure.
+/// Number of states that the motor moves: position, velocity, load pressure.
 pub(super) const MOVES: usize = 3;
-/// These, and two that are constant where nobody knows better: an acceleration (friction, another load) and a rate of the pressure
-/// (leakage, a pump that delivers more).
+/// Number of all states. The two others are constant disturbances: an acceleration (friction, another load)
+/// and a rate of the load pressure (leakage, another pump flow).
 pub(super) const ALL: usize = 5;
 
 /// `z' = A z + B_n (n − n_0) + B_p p_0`, sampled.
@@ -18,21 +18,22 @@ pub(super) struct LinearPlant {
     at: OperatingPoint,
     /// Largest motor speed \[rev/s\].
     speed_limit: f64,
-    /// Of all five.
+    /// State matrix A of all five states.
     pub a: SMatrix<f64, ALL, ALL>,
-    /// By motor speed, and by the load pressure at rest.
+    /// Input matrix: motor speed, and load pressure at rest.
     pub b: SMatrix<f64, ALL, 2>,
 }
 
 impl LinearPlant {
-    /// Of a description with the piston in the middle of its stroke, sampled with `period` \[s\].
+    /// Plant of a description at mid-stroke, sampled with `period` \[s\].
     pub(super) fn new(model: &Description, period: f64) -> Result<Self, LabError> {
         let points = OperatingPoints::new(model)?;
         let at = points.at(0.5 * model.numbers.stroke);
         let spring = at.spring(points.stiffness(at.equilibrium.load_pressure));
         let (a_v, a_p) = (spring.acceleration_by_velocity, spring.acceleration_by_pressure);
         let (c_v, b) = (spring.pressure_by_velocity, spring.pressure_by_speed);
-        // the two inputs as states that do not change: one exponential samples all
+        // the two inputs are added as constant states, so that one matrix exponential discretises the
+        // system
         #[rustfmt::skip]
         let whole: SMatrix<f64, 7, 7> = matrix![
             0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0;
@@ -53,7 +54,7 @@ impl LinearPlant {
         })
     }
 
-    /// What moves of it.
+    /// State and input matrix of position, velocity and load pressure.
     pub(super) fn moving(&self) -> (SMatrix<f64, MOVES, MOVES>, SVector<f64, MOVES>) {
         let a = self.a.fixed_view::<MOVES, MOVES>(0, 0).into_owned();
         (a, self.b.fixed_view::<MOVES, 1>(0, 0).into_owned())
@@ -65,7 +66,8 @@ impl LinearPlant {
         (rest.load_pressure, rest.holding_speed)
     }
 
-    /// State and motor speed that a reference with an acceleration \[m/s²\] takes, pushed by an acceleration and a rate of the pressure.
+    /// State and motor speed that a reference with an acceleration \[m/s²\] needs under the given
+    /// disturbances.
     pub(super) fn wanted(
         &self,
         reference: &SetPoint<f64>,

@@ -1,4 +1,4 @@
-//! LQG: state feedback of least quadratic cost on the state that a Kalman filter estimates of the machine.
+//! LQG: linear-quadratic state feedback on the state estimate of a Kalman filter.
 
 use super::kalman_filter::KalmanFilter;
 use super::linear_plant::{LinearPlant, MOVES};
@@ -12,35 +12,38 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 
-/// Weights and noise that a linear baseline is designed by.
+/// Weights and noise of the LQG design.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// What costs as much as each other: errors of position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor speed \[rev/s\].
+    /// Deviations of equal cost: position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor speed
+    /// \[rev/s\] (Bryson's rule).
     pub alike: [f64; 4],
-    /// How far each state drifts in a second of its own accord, by standard deviation: position \[m\], velocity \[m/s\], load pressure \[Pa\], and the
-    /// acceleration \[m/s²\] and rate of the pressure \[Pa/s\] that nobody knows of.
+    /// Process noise: standard deviation by which each state drifts in one second. The states are position
+    /// \[m\], velocity \[m/s\], load pressure \[Pa\], disturbance acceleration \[m/s²\] and disturbance
+    /// rate of the pressure \[Pa/s\].
     pub drift: [f64; 5],
 }
 
-/// Found by `cargo run --release -p hydroboom-lab --example reoptimise`: least geometric mean of the RMS error over the published benchmark's on virtual cranes of seed 7,
-/// both speeds; a crane that oscillates, and does not with the published controller, counts as much as one whose error is ten times as large.
+/// Result of `cargo run --release -p hydroboom-lab --example reoptimise`. It minimises the geometric mean
+/// of the RMS error over the published benchmark's on virtual cranes of seed 7 at both speeds. A crane that
+/// oscillates only under the LQG counts with ten times its error.
 pub const LQG: Weights =
     Weights { alike: [1e-3, 2.13e-2, 1.58e6, 3.74], drift: [1e-5, 1.51e-3, 1.65e6, 0.241, 4.26e6] };
 
-/// A cost of what moves.
+/// Cost-to-go matrix of position, velocity and load pressure.
 pub(super) type CostToGo = SMatrix<f64, MOVES, MOVES>;
-/// Motor speed by what moves.
+/// Feedback gain from position, velocity and load pressure to motor speed.
 pub(super) type Feedback = SMatrix<f64, 1, MOVES>;
 
 impl Weights {
-    /// Costs of what moves, and of the motor's speed.
+    /// Cost matrices Q and R.
     pub(super) fn costs(&self) -> (SMatrix<f64, MOVES, MOVES>, SMatrix<f64, 1, 1>) {
         let [position, velocity, pressure, speed] = self.alike.map(|size| 1.0 / (size * size));
         let states: SVector<f64, MOVES> = [position, velocity, pressure].into();
         (SMatrix::from_diagonal(&states), matrix![speed])
     }
 
-    /// Cost-to-go of a crane, and the feedback of least cost.
+    /// Cost-to-go matrix of a plant, and the optimal feedback gain.
     pub(super) fn feedback(&self, crane: &LinearPlant) -> Result<(CostToGo, Feedback), LabError> {
         let (a, b) = crane.moving();
         let (q, r) = self.costs();
@@ -49,7 +52,7 @@ impl Weights {
     }
 }
 
-/// Linear-quadratic feedback of the Kalman filter's state.
+/// Linear-quadratic feedback on the Kalman filter's state.
 pub(super) struct Lqg {
     plant: LinearPlant,
     filter: KalmanFilter,

@@ -1,7 +1,7 @@
-//! Baselines: what the strategies are held against. Published methods as built here, on the same cranes, each knowing the
-//! controller's crane file only.
+//! Baselines for comparison with the strategies: published methods implemented here and run on the same
+//! cranes. Each uses the controller's crane file only.
 //!
-//! They are here to be compared, not to be used on a machine: the strategies that are offered are those of
+//! They are not meant for a machine. The strategies for a machine are those of
 //! [`Strategy`](hydroboom_control::strategy::Strategy).
 
 mod command_plan;
@@ -32,31 +32,33 @@ use lqg::Lqg;
 use nonlinear_mpc::NonlinearMpc;
 use retuned_benchmark::RetunedBenchmark;
 
-/// A controller that is only compared with.
+/// Controller for comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Baseline {
-    /// The benchmark controller with gains that are designed for the payload range of the crane file.
+    /// Benchmark controller with gains designed for the payload range of the crane file.
     RetunedBenchmark(Gains),
     /// The same with an input shaper (ZVD) for the boom's lowest mode.
     ShapedBenchmark(Gains),
-    /// Linear-quadratic state feedback on the state of a Kalman filter, both of one operating point: a fixed design.
+    /// Linear-quadratic state feedback on a Kalman filter's estimate, a fixed design at one operating
+    /// point.
     Lqg(Weights),
-    /// Linear model-predictive control with estimator, gain schedule and weights of the scheduled LQR, and the motor's limits.
+    /// Linear model-predictive control with estimator, gain schedule and weights of the scheduled LQR, and
+    /// the motor's limits.
     LinearMpc,
     /// Nonlinear model-predictive control with the same, and limits of the pressure.
     NonlinearMpc,
 }
 
 impl Baseline {
-    /// Names of all of them, in their order.
+    /// Names of all baselines in their order.
     pub const NAMES: [&'static str; 5] =
         ["retuned-benchmark", "shaped-benchmark", "lqg", "linear-mpc", "nonlinear-mpc"];
 
-    /// All of them, as designed for a model.
+    /// All baselines, designed for a model.
     ///
     /// # Errors
     ///
-    /// [`LabError::Design`] where no gains keep the benchmark's margins over the payload range.
+    /// [`LabError::Design`] if no gains keep the benchmark's margins over the payload range.
     pub fn all(model: &Description) -> Result<[Self; 5], LabError> {
         let gains = benchmark_design(model, payload_range(model))?.gains;
         Ok([
@@ -79,11 +81,11 @@ impl Baseline {
         }]
     }
 
-    /// The controller for a machine of which the model is known.
+    /// Controller for a machine described by the model.
     ///
     /// # Errors
     ///
-    /// [`LabError::NoBaseline`] when it cannot be designed for the model.
+    /// [`LabError::NoBaseline`] if it cannot be designed for the model.
     pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
         Ok(match self {
             Self::RetunedBenchmark(gains) => Box::new(RetunedBenchmark::new(model, &gains)),

@@ -1,8 +1,11 @@
-//! Nonlinear model-predictive control by real-time iteration: one Gauss-Newton step a control period on the reduced model.
+//! Nonlinear model-predictive control by real-time iteration: one Gauss-Newton step per control period on
+//! the reduced model.
 //!
-//! Each period the [problem](super::optimal_control_problem) is linearised about the last period's commands, moved on by a period, from the newest estimate on; the
-//! [condensed](super::condensed) quadratic program gives the change of the commands, and the first is taken. States are simulated and not unknowns (single shooting): the crane
-//! is stable without control. Estimator, weights, reference and cost to go are those of the scheduled LQR.
+//! Each period the [problem](super::optimal_control_problem) starts from the newest estimate. It is
+//! linearised about the last period's commands, shifted by one period. The [condensed](super::condensed)
+//! quadratic program yields the change of the commands, and the first command is applied. States are
+//! simulated, not unknowns of the program (single shooting), because the crane is stable without control.
+//! Estimator, weights, reference and cost-to-go are those of the scheduled LQR.
 //!
 //! Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization in optimal feedback control*, 2005,
 //! doi:10.1137/S0363012902400713.
@@ -21,14 +24,15 @@ use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 
-/// Iterations of the program's solver.
+/// Iterations of the quadratic-program solver.
 pub(super) const ITERATIONS: u32 = 10;
-/// A bar beyond the pressure's limits over a period costs as much as so many position tolerances.
+/// Price of one bar beyond the pressure limits over a period, in multiples of the cost of the position
+/// tolerance.
 const PRICE_OF_A_BAR: f64 = 1e3;
-/// Rows of the program.
+/// Number of rows of the program.
 const ROWS: usize = LIMITS * BLOCKS;
 
-/// Gauss-Newton steps on problems that follow each other.
+/// Gauss-Newton steps on consecutive problems.
 pub(super) struct GaussNewton {
     /// Commands of the blocks \[rev/s\].
     pub commands: [f64; BLOCKS],
@@ -36,13 +40,14 @@ pub(super) struct GaussNewton {
 }
 
 impl GaussNewton {
-    /// From commands \[rev/s\] on.
+    /// Starts from the given commands \[rev/s\].
     pub(super) fn new(commands: [f64; BLOCKS]) -> Self {
         Self { commands, program: Box::new(QuadraticProgram::empty()) }
     }
 
-    /// A full step with so many iterations of the program's solver; its largest change of a command over the motor's speed. None where the program has no solution, or one that is
-    /// not finite: then the commands stay.
+    /// Full Gauss-Newton step with the given number of solver iterations. Returns the largest change of a
+    /// command over the motor's speed limit. None if the program has no finite solution; the commands are
+    /// then unchanged.
     pub(super) fn step(&mut self, problem: &OptimalControlProblem, iterations: u32) -> Option<f64> {
         let limit = problem.limits.motor_speed;
         let Linearised { blocks, cost_to_go, end } = problem.linearised(&self.commands);
@@ -73,7 +78,7 @@ impl NonlinearMpc {
         let limits = MachineLimits {
             motor_speed: machine.law.motor_speed,
             slew: machine.law.slew,
-            // no suction, and what relief valves open at
+            // lower limit: no suction; upper limit: cracking pressure of the relief valves
             pressure: [0.0, n.relief_cracking],
             pressure_price: PRICE_OF_A_BAR * by_position * tolerance * tolerance / 1e5,
         };
@@ -81,7 +86,7 @@ impl NonlinearMpc {
         Ok(Self { machine, limits, reference: None, newton, plan })
     }
 
-    /// The problem of this period.
+    /// Optimal control problem of this period.
     fn problem(
         machine: &EstimatedMachine,
         limits: MachineLimits,
@@ -103,7 +108,7 @@ impl NonlinearMpc {
         }
     }
 
-    /// Commands of the blocks \[rev/s\]; none where the program has no solution.
+    /// Commands of the blocks \[rev/s\]; none if the program has no solution.
     fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
         let Self { machine, limits, reference, newton, plan } = self;
         let now = machine.now()?;
@@ -134,7 +139,7 @@ impl Controller for NonlinearMpc {
         self.machine.observe(measurement);
         let found = self.solve(preview);
         if found.is_none() {
-            // what it remembers of the reference may be no number
+            // the state of the reference may be non-finite
             self.reference = None;
         }
         let command = self.plan.command(found);
@@ -158,7 +163,8 @@ mod tests {
     use hydroboom_control::measurement::AxisSignals;
     use hydroboom_control::reference::profile::SetPoint;
 
-    /// A reference that is no number leaves no program with a solution: the plan of the period before goes on, and the status says so.
+    /// A NaN reference leaves the program without a solution: the last plan continues, and the status
+    /// counts the period.
     #[test]
     fn a_period_without_a_solution_holds_the_last_plan_and_is_counted() {
         let model = Description::uia_single_boom().unwrap();

@@ -1,7 +1,9 @@
-//! The nonlinear predictive controller, iterated to convergence, against solutions by IPOPT of the same problems.
+//! Test of the nonlinear predictive controller, iterated to convergence, against IPOPT's solutions of the
+//! same problems.
 //!
-//! `tests/oracle/nonlinear_mpc_problems.json` has the problems, `nonlinear_mpc_solutions.json` what `nonlinear_mpc.py` beside it found of them. New problems are written
-//! by `cargo test -p hydroboom-lab --lib problems_of_the_oracle -- --ignored`.
+//! `tests/oracle/nonlinear_mpc_problems.json` contains the problems, and `nonlinear_mpc_solutions.json` the
+//! solutions by `nonlinear_mpc.py` in the same folder. New problems are written by `cargo test -p
+//! hydroboom-lab --lib problems_of_the_oracle -- --ignored`.
 
 use super::estimated_machine::EstimatedMachine;
 use super::horizon::{BEGINS, BLOCKS, PERIODS};
@@ -20,7 +22,7 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-/// A controller's machine that rests with the crane file's payload in the middle of its stroke.
+/// Controller's machine model at rest at mid-stroke with the crane file's payload.
 pub(super) fn machine_at_rest(description: &Description) -> EstimatedMachine {
     let mut machine = EstimatedMachine::new(description).unwrap();
     let (stroke, payload) = (0.25, description.numbers.payload);
@@ -30,7 +32,8 @@ pub(super) fn machine_at_rest(description: &Description) -> EstimatedMachine {
     machine
 }
 
-/// A problem along a reference that moves on at a velocity \[m/s\] and an acceleration \[m/s²\], from a state on it; friction slides.
+/// Problem along a reference of given velocity \[m/s\] and acceleration \[m/s²\], from a state on the
+/// reference, with sliding friction.
 pub(super) fn problem_along(
     machine: &EstimatedMachine,
     velocity: f64,
@@ -78,7 +81,7 @@ pub(super) fn problem_along(
     }
 }
 
-/// Commands that more steps do not change any more.
+/// Solution at which further Gauss-Newton steps have no effect.
 fn converged(problem: &OptimalControlProblem) -> GaussNewton {
     let mut newton = GaussNewton::new(problem.reference.motor_speeds);
     for _ in 0..60 {
@@ -125,7 +128,7 @@ fn numbers<const N: usize>(of: &Value) -> [f64; N] {
     std::array::from_fn(|k| of[k].as_f64().unwrap())
 }
 
-/// The problem that was written, `any` being one of the same kind.
+/// Problem as recorded; `any` supplies the fields that are not recorded.
 fn as_written(value: &Value, any: &OptimalControlProblem) -> OptimalControlProblem {
     let of = |key: &str| value[key].as_f64().unwrap();
     assert_eq!(numbers::<BLOCKS>(&value["periods"]), PERIODS.map(|p| p as f64), "another horizon");
@@ -159,7 +162,7 @@ fn as_written(value: &Value, any: &OptimalControlProblem) -> OptimalControlProbl
     }
 }
 
-/// Four problems: nothing active, motor speed, slew, pressure.
+/// Four problems: no active limit, motor speed, slew rate, pressure.
 #[test]
 #[ignore = "writes the problems that the oracle solves"]
 fn problems_of_the_oracle() {
@@ -186,7 +189,7 @@ fn problems_of_the_oracle() {
     std::fs::write(file("nonlinear_mpc_problems.json"), format!("[\n{text}\n]\n")).unwrap();
 }
 
-/// Each of the recorded problems: commands, piston-side pressures, and which limit is met.
+/// Compares commands, piston-side pressures and the active limit of each recorded problem.
 #[test]
 fn the_converged_controller_finds_what_ipopt_finds() {
     let any = problem_along(&machine_at_rest(&Description::uia_single_boom().unwrap()), 0.0, 0.0);
@@ -218,20 +221,21 @@ fn the_converged_controller_finds_what_ipopt_finds() {
     }
 }
 
-/// With a plant that is the regulator's own, and where nothing is active, the first command is the regulator's, but for blocks in place of periods, and for a model that is integrated
-/// in steps of up to 5 ms: the load's mode, of 15 rad/s, turns by 0.04 in half of one.
+/// With the regulator's own plant and no active limit the first command is the regulator's. The remaining
+/// differences are move blocking and the model's integration step of up to 5 ms. The load's mode of 15
+/// rad/s turns by 0.04 rad in half such a step.
 #[test]
 fn on_a_linear_plant_it_is_the_regulator() {
     let mut machine = machine_at_rest(&Description::uia_single_boom().unwrap());
     let model = &mut machine.law.model;
-    // no slopes along the stroke, no leakage, oil that is as stiff at any pressure
+    // no gradients along the stroke, no leakage, constant bulk modulus
     for polynomial in model.equivalent_mass.iter_mut().chain(&mut model.compliance) {
         polynomial[1..].fill(0.0);
     }
     model.holding_pressure.iter_mut().for_each(|polynomial| polynomial[1..].fill(0.0));
     model.oil.bulk_modulus_min = model.oil.bulk_modulus_max;
     model.leakage = 0.0;
-    // the volume does not grow with the stroke
+    // constant volume
     model.volume += 1e3 * model.volume;
     model.oil.bulk_modulus_max *= 1e3;
     model.oil.bulk_modulus_min *= 1e3;
@@ -240,7 +244,7 @@ fn on_a_linear_plant_it_is_the_regulator() {
     for off in OFF {
         let mut problem = problem_along(&machine, 0.05, 0.0);
         problem.cost_to_go = regulator.cost_to_go;
-        // the regulator's plant has a lag of that rate, the drive goes that share
+        // the regulator uses a lag of this rate, the drive of the problem the exact discrete share
         problem.drive = 1.0 - Real::exp(-problem.drive);
         let wanted = regulator_command(&regulator.gain, off);
         let found = first_change(&mut problem, off);
@@ -248,7 +252,7 @@ fn on_a_linear_plant_it_is_the_regulator() {
     }
 }
 
-/// Errors of load position, load velocity, load pressure and motor speed.
+/// Deviations of load position, load velocity, load pressure and motor speed.
 const OFF: [[f64; 4]; 4] =
     [[2e-4, 0.0, 0.0, 0.0], [0.0, 2e-3, 0.0, 0.0], [0.0, 0.0, 5e4, 0.0], [0.0, 0.0, 0.0, 0.5]];
 
@@ -256,7 +260,7 @@ fn regulator_command(gain: &[f64; 4], off: [f64; 4]) -> f64 {
     -gain.iter().zip(off).map(|(k, off)| k * off).sum::<f64>()
 }
 
-/// What one step adds to the reference's motor speed where the state is off.
+/// Change of the reference's motor speed by one step for an initial state with the given deviation.
 fn first_change(problem: &mut OptimalControlProblem, off: [f64; 4]) -> f64 {
     let [position, velocity, load_pressure, motor_speed] = off;
     problem.begin.position += position;
@@ -269,7 +273,8 @@ fn first_change(problem: &mut OptimalControlProblem, off: [f64; 4]) -> f64 {
     newton.commands[0] - own[0]
 }
 
-/// On the crane's own reduced model slopes along the stroke and of the oil's stiffness are in it, which the regulator leaves out: they change its command by some percent more.
+/// The crane's own reduced model includes gradients along the stroke and of the bulk modulus, which the
+/// regulator neglects. They change the command by some percent.
 #[test]
 fn near_an_operating_point_it_is_about_the_regulator() {
     let machine = machine_at_rest(&Description::uia_single_boom().unwrap());
@@ -282,7 +287,8 @@ fn near_an_operating_point_it_is_about_the_regulator() {
     }
 }
 
-/// One step with the iterations of a control period, from commands that know nothing of the error: the limits of the first block are kept.
+/// One step with the iterations of a control period, starting from the reference's commands, keeps the
+/// limits of the first block.
 #[test]
 fn a_single_step_keeps_the_limits_of_the_motor() {
     let machine = machine_at_rest(&Description::uia_single_boom().unwrap());
@@ -300,7 +306,7 @@ fn a_single_step_keeps_the_limits_of_the_motor() {
     }
 }
 
-/// What a limit of the pressure takes away, and that nothing else is exceeded for it.
+/// A pressure limit is kept without violating the motor's limits.
 #[test]
 fn a_lower_limit_of_the_pressure_is_kept_within_the_limits_of_the_motor() {
     let machine = machine_at_rest(&Description::uia_single_boom().unwrap());
@@ -319,7 +325,8 @@ fn a_lower_limit_of_the_pressure_is_kept_within_the_limits_of_the_motor() {
     assert!(limited > problem.limits.pressure[1] - 0.2e5, "nothing was active");
 }
 
-/// The controller's own price of a pressure is above every multiplier: where the problem with hard limits has a solution, that with prices has the same.
+/// The controller's price of a pressure violation exceeds every multiplier. Where the problem with hard
+/// limits has a solution, the problem with prices has the same one.
 #[test]
 fn pressures_are_kept_as_hard_limits_are_where_that_is_possible() {
     let description = Description::uia_single_boom().unwrap();

@@ -1,13 +1,15 @@
-//! Optimal control problem of the nonlinear predictive controller: the reduced model over a horizon, with limits of motor speed, slew and pressure.
+//! Optimal control problem of the nonlinear predictive controller: the reduced model over a horizon, with
+//! limits of motor speed, slew rate and pressure.
 //!
 //! ```text
 //! minimise ½ Σ_k (v_k (q_x (x_(k+1) − x_ref)² + q_w (w_(k+1) − w_ref)²) + m_k r (u_k − u_ref)²) + ½ e_Nᵀ P e_N
 //! subject to  z_(k+1) = F(z_k, u_k),   |u_k| ≤ n_max,   |g (u_k − n_k)| ≤ slew,   p_min ≤ p_k + p_h ≤ p_max
 //! ```
 //!
-//! z = (y, w, p, f, n): load position and velocity, load pressure, friction, motor speed; x = y + γ p is the piston. m_k are the periods of a block and v_k the
-//! weights of its end; g is the share of the way
-//! to its command that the motor goes in a period. F is the estimator's own model in steps of at most [`LONGEST_STEP`] periods. Slopes are exact, by dual numbers.
+//! z = (y, w, p, f, n): load position and velocity, load pressure, friction, motor speed; x = y + γ p is
+//! the piston position. m_k is the number of periods of a block, and v_k the weight of its end. g is the
+//! share of the distance to its command that the motor covers in a period. F is the estimator's model in
+//! steps of at most [`LONGEST_STEP`] periods. Derivatives are exact, by dual numbers.
 
 use super::condensed::{Block, Limit, Linear};
 use super::horizon::{BLOCKS, PERIODS, WEIGHTS};
@@ -17,15 +19,15 @@ use hydroboom_control::feedback::riccati::{Matrix, ORDER};
 use hydroboom_math::{Dual, Real};
 use nalgebra::{SMatrix, SVector};
 
-/// States of the problem.
+/// Number of states of the problem.
 pub(super) const STATES: usize = 5;
-/// Limits of a block: slew, and pressure at its end.
+/// Limits per block: slew rate, and pressure at its end.
 pub(super) const LIMITS: usize = 2;
-/// Control periods in a step of the model at most.
+/// Largest integration step of the model \[control periods\].
 const LONGEST_STEP: usize = 5;
-/// Directions of the slopes: all states, and the command.
+/// Dual numbers with derivatives with respect to all states and the command.
 type Slopes = Dual<f64, 6>;
-/// Place of the friction, which has no part in the cost to go.
+/// Index of the friction, which does not enter the cost-to-go.
 const FRICTION: usize = 3;
 
 /// Limits of the machine.
@@ -37,46 +39,46 @@ pub(super) struct MachineLimits {
     pub slew: f64,
     /// Lowest and highest pressure on the piston side \[Pa\].
     pub pressure: [f64; 2],
-    /// Cost of a pressure beyond them, per pascal.
+    /// Price of a pressure violation per pascal.
     pub pressure_price: f64,
 }
 
-/// The problem.
+/// Optimal control problem.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OptimalControlProblem {
-    /// The model.
+    /// Reduced model.
     pub model: ReducedModel<f64>,
-    /// State at the beginning, disturbances and parameters.
+    /// Initial state, disturbances and parameters.
     pub begin: MachineState<f64>,
-    /// Motor speed at the beginning \[rev/s\].
+    /// Initial motor speed \[rev/s\].
     pub motor_speed: f64,
-    /// Piston-side pressure beyond the load pressure \[Pa\].
+    /// Piston-side pressure minus load pressure \[Pa\].
     pub rod_side_term: f64,
-    /// Share of the way to its command that the motor's speed goes in a period.
+    /// Share of the distance to its command that the motor's speed covers in a period.
     pub drive: f64,
     /// Control period \[s\].
     pub period: f64,
-    /// Limits.
+    /// Limits of the machine.
     pub limits: MachineLimits,
     /// Weights of position \[1/m²\], velocity \[s²/m²\] and motor speed \[s²/rev²\] in a period.
     pub weights: [f64; 3],
-    /// The reference.
+    /// Reference over the horizon.
     pub reference: ReferenceHorizon,
-    /// Cost to go over (y, w, p, n).
+    /// Cost-to-go matrix over (y, w, p, n).
     pub cost_to_go: Matrix<f64>,
 }
 
-/// The problem linearised about commands.
+/// Problem linearised about given commands.
 pub(super) struct Linearised {
-    /// The blocks.
+    /// Blocks of the horizon.
     pub blocks: [Block<STATES, LIMITS>; BLOCKS],
-    /// Cost to go, and the error at the end.
+    /// Cost-to-go matrix at the end of the horizon.
     pub cost_to_go: SMatrix<f64, STATES, STATES>,
-    /// Error at the end.
+    /// Error at the end of the horizon.
     pub end: SVector<f64, STATES>,
 }
 
-/// A state of the model and of the motor.
+/// State of the reduced model and of the motor.
 #[derive(Clone, Copy)]
 struct Motion<T> {
     machine: MachineState<T>,
@@ -84,7 +86,7 @@ struct Motion<T> {
 }
 
 impl OptimalControlProblem {
-    /// A block on, with a command \[rev/s\].
+    /// Simulates a block with a command \[rev/s\].
     fn block<T: Real>(
         &self,
         model: &ReducedModel<T>,
@@ -94,7 +96,8 @@ impl OptimalControlProblem {
     ) -> Motion<T> {
         let steps = periods.div_ceil(LONGEST_STEP);
         let in_step = periods as f64 / steps as f64;
-        // of a first-order lag: the share of the way in a step, and the mean share of what is left over it
+        // first-order lag: share of the distance covered in a step, and mean of the remaining distance over
+        // the step
         let rate = -Real::ln(1.0 - self.drive);
         let share = 1.0 - Real::exp(-rate * in_step);
         let mean_left = T::lit(share / (rate * in_step));
@@ -109,19 +112,20 @@ impl OptimalControlProblem {
         Motion { machine, motor_speed }
     }
 
-    /// The model with an unknown force that lasts as long as the horizon, as the reference's inverse dynamics take it.
+    /// Model whose unknown force is constant over the horizon, as in the reference's inverse dynamics.
     fn lasting(&self) -> ReducedModel<f64> {
         ReducedModel { disturbance_time: f64::INFINITY, ..self.model }
     }
 
-    /// The nearest command \[rev/s\] of the first block that keeps the limits of speed and slew: a program that was solved to within a tolerance may be off by that.
+    /// Command \[rev/s\] of the first block, clamped to the limits of speed and slew rate. The solver meets
+    /// them to within its tolerance only.
     pub(super) fn allowed(&self, command: f64) -> f64 {
         let MachineLimits { motor_speed: limit, slew, .. } = self.limits;
         let reach = slew / self.drive;
         command.clamp(self.motor_speed - reach, self.motor_speed + reach).clamp(-limit, limit)
     }
 
-    /// Piston-side pressures \[Pa\] at the blocks' ends with these commands \[rev/s\].
+    /// Piston-side pressures \[Pa\] at the ends of the blocks with these commands \[rev/s\].
     #[cfg(test)]
     pub(super) fn pressures(&self, commands: &[f64; BLOCKS]) -> [f64; BLOCKS] {
         let model = self.lasting();
@@ -132,7 +136,7 @@ impl OptimalControlProblem {
         })
     }
 
-    /// Linearised about commands \[rev/s\], from the beginning on.
+    /// Linearisation along the trajectory of the commands \[rev/s\].
     pub(super) fn linearised(&self, commands: &[f64; BLOCKS]) -> Linearised {
         let model = self.lasting().map(Slopes::constant);
         let MachineLimits { motor_speed: limit, slew, pressure, pressure_price } = self.limits;

@@ -1,57 +1,62 @@
-//! Quadratic program with limits, by a primal-dual interior-point method with a fixed number of iterations.
+//! Quadratic program with limits, solved by a primal-dual interior-point method with a fixed number of
+//! iterations.
 //!
 //! ```text
 //! minimise ½ xᵀ H x + qᵀ x + Σ price_i · (distance of a_iᵀ x from its limits)
 //! subject to  l ≤ x ≤ u,  and l_i ≤ a_iᵀ x ≤ u_i  for rows without a price
 //! ```
 //!
-//! A row with a price is kept as a hard limit is, wherever its multiplier stays below the price (exact penalty; R. Fletcher, *Practical Methods of Optimization*, 1987, section
-//! 14.3): so a limit that nothing can keep leaves the program with a solution. Where the unlimited minimum keeps all limits it is the solution, and no iteration is needed.
+//! A row with a price acts as a hard limit wherever its multiplier stays below the price (exact penalty; R.
+//! Fletcher, *Practical Methods of Optimization*, 1987, section 14.3). An infeasible limit with a price
+//! therefore leaves the program with a solution. If the unconstrained minimum keeps all limits, it is
+//! returned without an iteration.
 //!
-//! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, 1992; C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point
-//! methods to model predictive control*, 1998, doi:10.1023/A:1021711402723; E. C. Kerrigan, J. M. Maciejowski, *Soft constraints and exact penalty functions in model
-//! predictive control*, 2000.
+//! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, 1992.
+//! C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model predictive
+//! control*, 1998, doi:10.1023/A:1021711402723.
+//! E. C. Kerrigan, J. M. Maciejowski, *Soft constraints and exact penalty functions in model predictive
+//! control*, 2000.
 
 use nalgebra::{SMatrix, SVector};
 
-/// Share of the way to the nearest limit of a multiplier or slack that a step goes at most.
+/// Step length as a share of the largest step that keeps slacks and multipliers positive.
 const STEP: f64 = 0.995;
-/// Mean complementarity, of the program scaled to curvatures of one, below which nothing is left to be done.
+/// Mean complementarity below which the iteration has converged, for the program scaled to unit curvature.
 const SOLVED: f64 = 1e-11;
-/// Least slack at the start.
+/// Smallest initial slack.
 const LEAST_SLACK: f64 = 1e-2;
 
-/// A program of N unknowns with M rows.
+/// Quadratic program of N unknowns and M rows.
 pub(super) struct QuadraticProgram<const N: usize, const M: usize> {
     /// H, positive definite.
     pub hessian: SMatrix<f64, N, N>,
     /// q
     pub slope: SVector<f64, N>,
-    /// Limits of the unknowns, l and u.
+    /// Lower and upper limits of the unknowns, l and u.
     pub bounds: [SVector<f64, N>; 2],
-    /// Gradients a_i, a column each.
+    /// Gradients a_i, one per column.
     pub rows: SMatrix<f64, N, M>,
-    /// Limits of the rows.
+    /// Lower and upper limits of the rows.
     pub limits: [SVector<f64, M>; 2],
-    /// Cost of a row's distance from its limits; infinite where they are hard.
+    /// Price of a row's distance from its limits; infinite for a hard limit.
     pub prices: SVector<f64, M>,
-    /// Limits, one side each: N bounds and M rows, first below, then above.
+    /// Sides of the limits: N bounds and M rows, first the lower, then the upper ones.
     sides: [Vec<Side>; 2],
 }
 
-/// One side of a limit, ± a_iᵀ x ≤ h + s with s ≥ 0; it changes from iteration to iteration.
+/// One side of a limit, ± a_iᵀ x ≤ h + s with s ≥ 0, with its iterates.
 #[derive(Clone, Copy, Default)]
 struct Side {
-    /// h, infinite where there is no limit.
+    /// Limit h; infinite if there is none.
     limit: f64,
-    /// Price of s over the program's scale; infinite where s is none.
+    /// Price of the excess s over the program's scale; infinite for a hard limit.
     price: f64,
     /// Slack, t = h + s − (± a_iᵀ x).
     slack: f64,
     multiplier: f64,
-    /// s, and the multiplier price − multiplier of s ≥ 0.
+    /// Excess s. Its constraint s ≥ 0 has the multiplier price − multiplier.
     excess: f64,
-    /// What x lacks of feasibility, and weight of the side in the reduced equations.
+    /// Primal residual, and weight of the side in the reduced (normal) equations.
     residual: f64,
     weight: f64,
     /// Step of slack, multiplier and excess.
@@ -71,7 +76,7 @@ impl Side {
         if self.is_soft() { self.price - self.multiplier } else { 1.0 }
     }
 
-    /// Sum of the complementarities after a share of a step, and how many they are.
+    /// Sum and number of the complementarity products after a share of the step.
     fn complementarity(&self, share: f64) -> (f64, f64) {
         let [slack, multiplier, excess] = self.step.map(|step| share * step);
         let of_limit = (self.slack + slack) * (self.multiplier + multiplier);
@@ -84,13 +89,13 @@ impl Side {
         }
     }
 
-    /// What the equations of this side add up to, with complementarities that are to vanish.
+    /// Right-hand side of this side in the reduced equations, for the given complementarity targets.
     fn wanted(&self, [limit, excess]: [f64; 2]) -> f64 {
         let soft = if self.is_soft() { excess / self.excess_multiplier() } else { 0.0 };
         self.residual + soft - limit / self.multiplier
     }
 
-    /// The step where ± a_iᵀ x changes by so much.
+    /// Sets the step for a change of ± a_iᵀ x.
     fn stepped(&mut self, change: f64, complementarity: [f64; 2]) {
         let multiplier = self.weight * (change + self.wanted(complementarity));
         let [limit, excess] = complementarity;
@@ -102,7 +107,7 @@ impl Side {
         self.step = [slack, multiplier, excess];
     }
 
-    /// The largest share of the step that leaves all positive.
+    /// Largest share of the step that keeps slack, multiplier and excess positive.
     fn largest_share(&self) -> f64 {
         let [slack, multiplier, excess] = self.step;
         let share = |value: f64, step: f64| if step < 0.0 { -value / step } else { f64::INFINITY };
@@ -117,7 +122,7 @@ impl Side {
 }
 
 impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
-    /// Nothing costs, nothing is limited.
+    /// Program without cost and limits.
     pub(super) fn empty() -> Self {
         let far = f64::INFINITY;
         Self {
@@ -131,7 +136,8 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         }
     }
 
-    /// The minimum after at most so many iterations from x = 0 on; none where H is not positive definite, or numbers are not finite. Bounds are kept exactly.
+    /// Minimum after at most `iterations` iterations from x = 0; none if H is not positive definite, or a
+    /// number is not finite. Bounds are met exactly.
     pub(super) fn minimum(&mut self, iterations: u32) -> Option<SVector<f64, N>> {
         let unlimited = -self.hessian.cholesky()?.solve(&self.slope);
         if self.keeps(&unlimited) {
@@ -193,7 +199,8 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
                 let [below, above] = program.sides.each_ref().map(share);
                 (change, below.min(above))
             };
-            // predictor: all complementarities vanish; corrector: they become alike, and what the predictor's step multiplies up is taken off
+            // predictor: zero complementarity; corrector: equal complementarity, with the predictor's
+            // second-order term
             let plain = |side: &Side, _: f64| {
                 [side.slack * side.multiplier, side.excess * side.excess_multiplier()]
             };
@@ -221,7 +228,8 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         kept.iter().all(|value| value.is_finite()).then_some(kept)
     }
 
-    /// Slacks and multipliers to begin with at x = 0, of a program over `scale` whose multipliers are of a size.
+    /// Initial slacks and multipliers at x = 0, for a program scaled by `scale` and multipliers of
+    /// magnitude `size`.
     fn start(&mut self, scale: f64, size: f64) {
         for k in 0..N + M {
             let (low, high, length, price) = match k.checked_sub(N) {
@@ -246,12 +254,12 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         }
     }
 
-    /// Number k of all limited numbers, unknowns first, where x has these rows.
+    /// Value of limited quantity k, unknowns first, for given x and row values.
     fn number(x: &SVector<f64, N>, rows: &SVector<f64, M>, k: usize) -> f64 {
         k.checked_sub(N).map_or_else(|| x[k], |row| rows[row])
     }
 
-    /// Sum of all gradients, each times a number of its sides.
+    /// Sum of all gradients, each times a value of its sides.
     fn gradient(&self, of: impl Fn(&Side) -> f64) -> SVector<f64, N> {
         let [below, above] = &self.sides;
         let value = |side: &Side| if side.is_limit() { of(side) } else { 0.0 };
@@ -263,7 +271,7 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         sum
     }
 
-    /// Adds the square of a gradient, bounds first.
+    /// Adds the weighted outer product of gradient k, bounds first, to the matrix.
     fn add_square(&self, matrix: &mut SMatrix<f64, N, N>, k: usize, weight: f64) {
         let Some(row) = k.checked_sub(N) else {
             matrix[(k, k)] += weight;
@@ -278,7 +286,7 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         }
     }
 
-    /// Mean complementarity after a share of the steps.
+    /// Mean complementarity after a share of the step.
     fn complementarity(&self, share: f64) -> f64 {
         let limits = self.sides.iter().flatten().filter(|side| side.is_limit());
         let (sum, count) = limits
@@ -287,7 +295,7 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         sum / count
     }
 
-    /// Whether all limits are kept.
+    /// Whether x keeps all limits.
     fn keeps(&self, x: &SVector<f64, N>) -> bool {
         let [low, high] = &self.bounds;
         let [row_low, row_high] = &self.limits;
@@ -309,7 +317,7 @@ fn signed(sides: &mut [Vec<Side>; 2]) -> [(f64, &mut Vec<Side>); 2] {
 mod tests {
     use super::*;
 
-    /// Six unknowns, three rows, the last with a price.
+    /// Six unknowns and three rows, the last one with a price.
     fn program() -> QuadraticProgram<6, 3> {
         let root = SMatrix::<f64, 6, 6>::from_fn(|i, j| ((3 * i + 5 * j) as f64).sin());
         QuadraticProgram {
@@ -323,7 +331,8 @@ mod tests {
         }
     }
 
-    /// Stationary with multipliers that push the right way at limits, are none within them, and are the price beyond a limit that has one.
+    /// Karush-Kuhn-Tucker conditions. The minimum is stationary. A multiplier has the right sign at a
+    /// limit, is zero within the limits, and equals the price beyond a soft limit.
     #[test]
     fn the_minimum_meets_the_conditions_of_karush_kuhn_and_tucker() {
         let mut program = program();
@@ -365,7 +374,8 @@ mod tests {
         assert!(active.iter().all(|count| *count > 0), "nothing of each kind: {active:?}");
     }
 
-    /// Exact penalty: with a price above the multiplier of the hard limit the minimum is that of the hard program, with one below it the limit is exceeded.
+    /// Exact penalty. With a price above the multiplier of the hard limit the minimum is that of the hard
+    /// program. With a price below it the limit is exceeded.
     #[test]
     fn a_price_above_the_multiplier_is_a_hard_limit() {
         let minimum = |price: f64| {

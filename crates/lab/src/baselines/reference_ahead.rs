@@ -1,4 +1,5 @@
-//! Reference over the horizon: state and motor speed of the smoothed, feasible reference by inverse dynamics, as the scheduled LQR follows it.
+//! Reference over the horizon: state and motor speed of the smoothed, feasible reference by inverse
+//! dynamics, as in the scheduled LQR.
 
 use super::estimated_machine::Now;
 use super::horizon::{BEGINS, BLOCKS, PERIODS};
@@ -9,25 +10,26 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_control::reference::smoothing::smoothed;
 use hydroboom_control::reference::speed_limit::SpeedLimit;
 
-/// The reference at one time.
+/// Reference at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ReferencePoint {
-    /// State.
+    /// State of the reduced model.
     pub state: PredictedState<f64>,
     /// Piston position \[m\].
     pub piston: f64,
 }
 
-/// The reference at the beginning of every block and at the horizon's end, and the motor speed \[rev/s\] that it takes in every block.
+/// Reference at the beginning of every block and at the end of the horizon, with the motor speed \[rev/s\]
+/// of every block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReferenceHorizon {
-    /// Beginnings of the blocks, and the end.
+    /// Reference at the beginnings of the blocks, and at the end.
     pub points: [ReferencePoint; BLOCKS + 1],
-    /// Motor speeds, taken ahead by the drive's lag.
+    /// Motor speeds, advanced by the drive's lag.
     pub motor_speeds: [f64; BLOCKS],
 }
 
-/// What is carried from period to period.
+/// State of the reference from period to period.
 pub(super) struct ReferenceAhead {
     /// Smoothing window \[s\].
     window: f64,
@@ -35,13 +37,13 @@ pub(super) struct ReferenceAhead {
 }
 
 impl ReferenceAhead {
-    /// At rest at a position \[m\].
+    /// Initial state at rest at a position \[m\].
     pub(super) fn at_rest(law: &ScheduledLqr<f64>, now: Now<'_>, position: f64) -> Self {
         let lag = now.estimated.drive.ramp_delay(law.period);
         Self { window: law.settings.shortest_window + lag, limit: SpeedLimit::at_rest(position) }
     }
 
-    /// The reference from when the command arrives on, a control period later.
+    /// Reference from the time the command acts; advances the state by one control period.
     pub(super) fn horizon(
         &mut self,
         law: &ScheduledLqr<f64>,
@@ -67,7 +69,8 @@ impl ReferenceAhead {
         let begin = |k: usize| delay + period * BEGINS[k] as f64;
         ReferenceHorizon {
             points: std::array::from_fn(|k| at(begin(k))),
-            // in the middle of a longer block; that of one period is the law's own
+            // taken at the middle of a longer block; that of a single-period block equals the scheduled
+            // LQR's
             motor_speeds: std::array::from_fn(|k| {
                 let middle = 0.5 * period * (PERIODS[k] - 1) as f64;
                 at(begin(k) + lag + middle).state.motor_speed

@@ -1,5 +1,5 @@
-//! Retuned benchmark: the published controller with the gains of `hydroboom design --benchmark`, the baseline that costs nothing more on a machine; with an input
-//! shaper where one is given.
+//! Retuned benchmark: the published controller with the gains of `hydroboom design --benchmark`, which a
+//! machine gets without further cost. Optionally with an input shaper.
 
 use crate::LabError;
 use crate::eigenfrequency::locked_mode;
@@ -12,7 +12,7 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use hydroboom_design::benchmark_design::Gains;
 
-/// The benchmark controller with the retuned gains.
+/// Benchmark controller with the retuned gains.
 pub(super) struct RetunedBenchmark {
     law: Benchmark<f64>,
     shaper: Option<InputShaper>,
@@ -28,7 +28,8 @@ impl RetunedBenchmark {
         Self { law, shaper: None, area_ratio, memory: BenchmarkMemory::default() }
     }
 
-    /// The same along a reference that is shaped for the boom's lowest mode with a locked cylinder (ZVD), taken ahead by the shaper's mean delay, since it is known ahead.
+    /// The same with a reference shaped for the boom's lowest mode at locked cylinder (ZVD). The reference
+    /// is known ahead and is advanced by the shaper's mean delay.
     pub(super) fn shaped(model: &Description, gains: &Gains) -> Result<Self, LabError> {
         let n = &model.numbers;
         let mode = locked_mode(model, 0.5 * (n.motion_start + n.motion_end))?;

@@ -1,10 +1,11 @@
-//! The discrete algebraic Riccati equation: optimal state feedback, and the optimal observer gain.
+//! Discrete algebraic Riccati equation: optimal state feedback, and optimal observer gain.
 
 use nalgebra::SMatrix;
 
-/// Cost-to-go P of `z(k+1) = A z + B u` with costs `zᵀQz + uᵀRu`, and the feedback `u = −K z` of least cost.
+/// Cost-to-go P of `z(k+1) = A z + B u` with costs `zᵀQz + uᵀRu`, and the gain K of the optimal feedback `u
+/// = −K z`.
 ///
-/// By the recursion from P = Q on, until it changes by less than 1e-12 of itself; none when it does not settle.
+/// Riccati recursion from P = Q until the relative change is below 1e-12; none if it does not converge.
 pub(super) fn least_cost<const N: usize, const M: usize>(
     a: &SMatrix<f64, N, N>,
     b: &SMatrix<f64, N, M>,
@@ -15,7 +16,7 @@ pub(super) fn least_cost<const N: usize, const M: usize>(
     for _ in 0..200_000 {
         let gain = (r + b.transpose() * p * b).try_inverse()? * b.transpose() * p * a;
         let next = q + a.transpose() * p * (a - b * gain);
-        // what rounding makes unlike on both sides of the diagonal grows
+        // rounding breaks the symmetry and the asymmetry grows
         let next = (next + next.transpose()) * 0.5;
         let change = (next - p).norm();
         p = next;
@@ -26,14 +27,15 @@ pub(super) fn least_cost<const N: usize, const M: usize>(
     None
 }
 
-/// Gain L with which an observer of `y = C z` follows what it reads, process and readings having covariances Q and R.
+/// Steady-state Kalman gain L for the output `y = C z` with covariances Q of process noise and R of
+/// measurement noise.
 pub(super) fn least_variance<const N: usize, const M: usize>(
     a: &SMatrix<f64, N, N>,
     c: &SMatrix<f64, M, N>,
     q: &SMatrix<f64, N, N>,
     r: &SMatrix<f64, M, M>,
 ) -> Option<SMatrix<f64, N, M>> {
-    // the same equation, all transposed
+    // dual problem: the same equation with transposed matrices
     let (p, _) = least_cost(&a.transpose(), &c.transpose(), q, r)?;
     Some(p * c.transpose() * (c * p * c.transpose() + r).try_inverse()?)
 }

@@ -1,4 +1,4 @@
-//! The calibrated crane as a file: values, provenance, and what they were held against.
+//! Calibrated crane as a file: values, provenance, and the comparison with the published results.
 
 use super::parameter::PARAMETERS;
 use super::published::published;
@@ -8,14 +8,14 @@ use crate::crane_file_text::{FoundValue, write_value};
 use serde::Serialize;
 use toml_edit::DocumentMut;
 
-/// Between these lines stands what the last calibration reached.
+/// The result of the last calibration stands between these lines.
 const BEGIN: &str = "# --- calibration: written by `hydroboom calibrate` ---";
 const END: &str = "# --- end of calibration ---";
 
-/// A published result beside what the virtual crane shows.
+/// Published result with the virtual crane's.
 #[derive(Clone, Debug, Serialize)]
 pub struct Reached {
-    /// What it is, with its unit.
+    /// Name of the quantity with its unit.
     pub name: String,
     /// Table of the paper.
     pub table: &'static str,
@@ -23,35 +23,36 @@ pub struct Reached {
     pub published: f64,
     /// Value of the virtual crane.
     pub reached: f64,
-    /// Difference in percent of the published one.
+    /// Difference in percent of the published value.
     pub difference_percent: f64,
-    /// How near it should come.
+    /// Tolerance in percent.
     pub tolerance_percent: f64,
-    /// Whether it does.
+    /// Whether the difference is within the tolerance.
     pub within: bool,
 }
 
 /// A calibrated parameter.
 #[derive(Clone, Debug, Serialize)]
 pub struct Calibrated {
-    /// `section.key`.
+    /// Key `section.key`.
     pub key: &'static str,
-    /// Its value, in the key's unit.
+    /// Value in the key's unit.
     pub value: f64,
-    /// Its plausible range.
+    /// Plausible range.
     pub range: [f64; 2],
-    /// Standard deviation as a share of the range; near or above 0.3 the data say nothing.
+    /// Standard deviation as a share of the range; near or above 0.3 the published results do not determine
+    /// it.
     pub deviation: f64,
     /// Whether the published results determine it: to better than a tenth of its range.
     pub determined: bool,
-    /// The parameter it is traded against most.
+    /// Parameter of the strongest correlation.
     pub partner: &'static str,
-    /// Correlation with that one, -1 to 1.
+    /// Correlation with that parameter, -1 to 1.
     pub correlation: f64,
 }
 
 impl Found {
-    /// Every published result beside what was reached.
+    /// All published results with the crane's.
     pub fn reached(&self) -> Vec<Reached> {
         published()
             .into_iter()
@@ -71,7 +72,7 @@ impl Found {
             .collect()
     }
 
-    /// Every parameter, and how well it is determined.
+    /// All parameters with their uncertainty.
     pub fn calibrated(&self) -> Vec<Calibrated> {
         PARAMETERS
             .iter()
@@ -97,11 +98,11 @@ impl Found {
             .collect()
     }
 
-    /// The template with the parameters found, their provenance, and a table of what was reached.
+    /// The template with the calibrated parameters, their provenance, and a table of the results.
     ///
     /// # Errors
     ///
-    /// [`LabError::Input`] when the template is not TOML.
+    /// [`LabError::Input`] if the template is not TOML.
     pub fn crane_file(&self, template: &str) -> Result<String, LabError> {
         let mut document: DocumentMut = template.parse().map_err(|e| LabError::Input {
             file: "template of the virtual crane".into(),
@@ -160,7 +161,7 @@ impl Found {
             format!(
                 "# {:<44} {:>9}  {:<50} {}",
                 c.key,
-                // wider than an even spread over the range: the data say nothing
+                // wider than a uniform distribution over the range: not determined
                 if c.deviation < 0.3 { format!("{:.2}", c.deviation) } else { "> 0.3".into() },
                 format!("{} ({:+.2})", c.partner, c.correlation),
                 if c.determined { "yes" } else { "no" },
@@ -171,7 +172,7 @@ impl Found {
     }
 }
 
-/// Five digits: more than the data know.
+/// Five significant digits, more than the results determine.
 fn rounded(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
 }

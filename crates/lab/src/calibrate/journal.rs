@@ -1,7 +1,7 @@
-//! What has been evaluated, kept so that an interrupted search can go on.
+//! Journal of evaluations, with which an interrupted search can be continued.
 //!
-//! The search is deterministic. Run again with the journal of an interrupted one it asks for the
-//! same evaluations in the same order, finds them, and goes on where it stopped.
+//! The search is deterministic. Restarted with the journal, it requests the same evaluations in the same
+//! order, reads them from the journal, and continues where it stopped.
 
 use crate::LabError;
 use hydroboom_files::{FileError, own_text, try_place};
@@ -10,10 +10,10 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Longest journal that is read \[B\]: some 100 000 evaluations.
+/// Longest journal that is read \[B\]: about 100 000 evaluations.
 const LONGEST: u64 = 100_000_000;
 
-/// Evaluations by the exact bits of their point.
+/// Evaluations, indexed by the exact bits of their point.
 pub struct Journal {
     known: HashMap<Vec<u64>, Option<Vec<f64>>>,
     file: Option<(PathBuf, File)>,
@@ -24,17 +24,17 @@ fn bits(point: &[f64]) -> Vec<u64> {
 }
 
 impl Journal {
-    /// A journal in memory only.
+    /// Journal in memory only.
     pub fn in_memory() -> Self {
         Self { known: HashMap::new(), file: None }
     }
 
-    /// A journal in a file, with what it already holds. `heading` names the search; a journal of
-    /// another one is refused.
+    /// Opens a journal file with its evaluations. `heading` identifies the search; a journal of another
+    /// search is refused.
     ///
     /// # Errors
     ///
-    /// [`LabError`] when the file cannot be read or written, or belongs to another search.
+    /// [`LabError`] if the file cannot be read or written, or belongs to another search.
     pub fn open(path: &Path, heading: &str) -> Result<Self, LabError> {
         let name = path.display().to_string();
         let failed = |error| LabError::File { path: name.clone(), error };
@@ -55,7 +55,7 @@ impl Journal {
             return Err(LabError::Input { file: name, reason });
         }
         for line in lines {
-            // an interrupted run may have left half a line, which is evaluated again
+            // an interrupted run may leave an incomplete line, whose evaluation is repeated
             if let Some((point, values)) = read(line) {
                 known.insert(bits(&point), values);
             }
@@ -69,11 +69,11 @@ impl Journal {
         Ok(Self { known, file: Some((path.into(), file)) })
     }
 
-    /// The evaluation at a point: known, or made now and written down. None where it fails.
+    /// Evaluation at a point, from the journal or computed now and recorded. None if it fails.
     ///
     /// # Errors
     ///
-    /// [`LabError::File`] when it cannot be written down.
+    /// [`LabError::File`] if it cannot be recorded.
     pub fn evaluate(
         &mut self,
         point: &[f64],
@@ -91,12 +91,12 @@ impl Journal {
         Ok(values)
     }
 
-    /// Number of evaluations known.
+    /// Number of evaluations in the journal.
     pub fn len(&self) -> usize {
         self.known.len()
     }
 
-    /// Whether nothing has been evaluated yet.
+    /// Whether the journal has no evaluation.
     pub fn is_empty(&self) -> bool {
         self.known.is_empty()
     }
@@ -113,7 +113,7 @@ fn read(line: &str) -> Option<(Vec<f64>, Option<Vec<f64>>)> {
         |text: &str| -> Option<Vec<f64>> { text.split(',').map(|x| x.parse().ok()).collect() };
     let mut parts = line.split(';');
     let (point, values) = (parts.next()?, parts.next()?);
-    // the closing separator says that the line was written whole
+    // the closing separator marks a complete line
     parts.next()?;
     match values {
         "failed" => Some((numbers(point)?, None)),
@@ -135,7 +135,7 @@ mod tests {
         }
         journal.evaluate(&[9.0, 9.0], || None).unwrap();
         drop(journal);
-        // killed in the middle of a line
+        // as if killed while writing a line
         let whole = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, format!("{whole}3e-1,4")).unwrap();
 

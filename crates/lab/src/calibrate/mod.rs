@@ -1,5 +1,5 @@
-//! A virtual crane that behaves as the real one was published to: what the published measurements
-//! are, which parameters may explain them, and the search for those that do.
+//! Calibration of the virtual crane to the published measurements of the real one: the measurements, the
+//! unknown parameters with their ranges, and the search.
 
 mod crane_file;
 mod journal;

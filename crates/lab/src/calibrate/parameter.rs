@@ -1,25 +1,25 @@
-//! What is not published of the real crane, within what is plausible.
+//! Unpublished parameters of the real crane with their plausible ranges.
 
 use crate::LabError;
 use hydroboom_description::Description;
 
-/// A key of the crane file to be found.
+/// Key of the crane file to be calibrated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// `section.key`.
+    /// Key `section.key`.
     pub key: &'static str,
     /// Smallest plausible value, in the key's unit.
     pub low: f64,
     /// Largest plausible value.
     pub high: f64,
-    /// Whether equal factors, not equal differences, count as equally likely.
+    /// Whether the scale is logarithmic.
     pub logarithmic: bool,
-    /// Why the range is what it is.
+    /// Reason for the range.
     pub reason: &'static str,
 }
 
 impl Parameter {
-    /// The value at a share of the range, 0 to 1.
+    /// Value at a share of the range, 0 to 1.
     pub fn value(&self, share: f64) -> f64 {
         match self.logarithmic {
             true => self.low * (self.high / self.low).powf(share),
@@ -27,7 +27,7 @@ impl Parameter {
         }
     }
 
-    /// The share of the range at which a value lies.
+    /// Share of the range of a value.
     pub fn share(&self, value: f64) -> f64 {
         match self.logarithmic {
             true => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -44,7 +44,7 @@ const fn factor(key: &'static str, low: f64, high: f64, reason: &'static str) ->
     Parameter { key, low, high, logarithmic: true, reason }
 }
 
-/// All parameters that are calibrated.
+/// All calibrated parameters.
 pub const PARAMETERS: [Parameter; 24] = [
     factor("boom.second_moment_cm4", 1000.0, 2500.0, "the section is not published"),
     factor("base.stiffness_knm_per_rad", 3000.0, 100_000.0, "a bolted steel column"),
@@ -82,12 +82,11 @@ pub const PARAMETERS: [Parameter; 24] = [
     linear("motion.rest_s", 0.5, 8.0, "the paper does not state the window of its errors"),
 ];
 
-/// The crane with the parameters at the given shares of their ranges; shares beyond the range
-/// stop at its end.
+/// The crane with the parameters at the given shares of their ranges; shares are clamped to 0 to 1.
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] when such a machine cannot exist.
+/// [`LabError::Description`] if such a machine cannot exist.
 pub fn crane_at(template: &Description, shares: &[f64]) -> Result<Description, LabError> {
     let mut crane = template.clone();
     for (parameter, share) in PARAMETERS.iter().zip(shares) {
@@ -97,7 +96,7 @@ pub fn crane_at(template: &Description, shares: &[f64]) -> Result<Description, L
     Ok(crane)
 }
 
-/// Shares of the ranges at which a crane's parameters lie.
+/// Shares of the ranges of a crane's parameters.
 pub fn shares_of(crane: &Description) -> [f64; PARAMETERS.len()] {
     PARAMETERS.map(|parameter| {
         crane

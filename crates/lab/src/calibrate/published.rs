@@ -1,4 +1,4 @@
-//! What the real crane showed, and what a virtual one shows in the same tests.
+//! Published results of the real crane, and the virtual crane's results in the same tests.
 
 use crate::eigenfrequency::{locked_mode, without_friction};
 use crate::{LabError, paper};
@@ -10,23 +10,23 @@ use hydroboom_description::Description;
 use serde::Serialize;
 use std::thread;
 
-/// A published result of the real crane.
+/// Published result of the real crane.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Published {
-    /// What it is, with its unit.
+    /// Name of the quantity with its unit.
     pub name: String,
-    /// Where it is printed.
+    /// Table of the paper.
     pub table: &'static str,
-    /// The value.
+    /// Published value.
     pub value: f64,
-    /// How near a virtual crane should come, as a share of it.
+    /// Tolerance as a share of the value.
     pub tolerance: f64,
 }
 
 /// Number of published results.
 pub const RESULTS: usize = 3 + 4 + 4 + 7;
 
-/// All of them, in the order of [`shown`].
+/// All published results in the order of [`shown`].
 pub fn published() -> Vec<Published> {
     let mut all = Vec::with_capacity(RESULTS);
     let mut add = |name: String, table, value, tolerance| {
@@ -53,10 +53,10 @@ pub fn published() -> Vec<Published> {
     all
 }
 
-/// The tests that the published results come from, on one virtual crane.
+/// Tests of the published results on one virtual crane.
 #[derive(Clone, Debug)]
 pub struct Tests {
-    /// Table 5 \[Hz\].
+    /// Eigenfrequencies of Table 5 \[Hz\].
     pub eigenfrequency: [f64; 3],
     /// Velocity feedforward at both speeds.
     pub velocity_feedforward: [Run; 2],
@@ -64,15 +64,15 @@ pub struct Tests {
     pub benchmark: [Run; 2],
     /// The published model under velocity feedforward at the fast speed, for Table 6.
     pub simulated: Run,
-    /// Where the fast motion cruises \[s\].
+    /// Fast motion, which defines the interval of constant speed.
     motion: OutAndBack<f64>,
 }
 
-/// Runs the tests, on two threads.
+/// Runs the tests on two threads.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated.
+/// [`LabError`] if the crane cannot be simulated.
 pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError> {
     let [slow, fast] = [model.numbers.slow, model.numbers.fast];
     let pair = |strategy| -> Result<[Run; 2], LabError> {
@@ -97,11 +97,11 @@ pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError
     })
 }
 
-/// What the tests showed, in the order of [`published`].
+/// Results of the tests in the order of [`published`].
 ///
 /// # Errors
 ///
-/// [`LabError::NoOscillation`] when p_A does not ring.
+/// [`LabError::NoOscillation`] if p_A does not oscillate.
 pub fn shown(tests: &Tests) -> Result<[f64; RESULTS], LabError> {
     let mut values = Vec::with_capacity(RESULTS);
     values.extend(tests.eigenfrequency);
@@ -114,21 +114,21 @@ pub fn shown(tests: &Tests) -> Result<[f64; RESULTS], LabError> {
     values.try_into().map_err(|_| LabError::NoOscillation("a result is missing".into()))
 }
 
-/// Table 6 of a crane: what [`differences`] says between the published model and it, both under
-/// velocity feedforward along the crane's fast motion.
+/// Table 6 of a crane: [`differences`] between the published model and the crane, both under velocity
+/// feedforward along the crane's fast motion.
 ///
 /// # Errors
 ///
-/// [`LabError`] when either cannot be simulated.
+/// [`LabError`] if either cannot be simulated.
 pub fn table_6(model: &Description, crane: &Description) -> Result<[(f64, f64); 6], LabError> {
     let course = crane.motion(model.numbers.fast);
     let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, &course);
     Ok(differences(&drive(model)?, &drive(crane)?))
 }
 
-/// Table 6: RMS and peak of the difference, crane less simulation, of each signal between two runs
-/// under the same input, in the table's units. (The paper does not say which it takes from which; so
-/// all six signs of its peaks agree with the calibrated crane's, the other way round none.)
+/// Table 6: RMS and peak of the difference, crane minus simulation, of each signal between two runs under
+/// the same input, in the table's units. The paper does not define the sign. With this one all six signs of
+/// its peaks agree with the calibrated crane's; with the opposite one none does.
 pub fn differences(simulated: &Run, crane: &Run) -> [(f64, f64); 6] {
     let signals = |r: &AxisSignals<f64>| {
         [

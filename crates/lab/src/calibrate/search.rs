@@ -1,4 +1,4 @@
-//! The search: first everywhere, then downhill.
+//! Search for the parameters: global by covariance matrix adaptation, then local by Levenberg-Marquardt.
 
 use super::journal::Journal;
 use super::parameter::{PARAMETERS, crane_at, shares_of};
@@ -11,33 +11,33 @@ use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
 use std::cell::RefCell;
 
 const SIZE: usize = PARAMETERS.len();
-/// Results against what is published, each parameter against where it started and against the ends
-/// of its range.
+/// Number of residuals: results against published values, then each parameter against its start value and
+/// against the ends of its range.
 const RESIDUALS: usize = RESULTS + 2 * SIZE;
 
-/// How strongly a parameter is drawn to where it started: a tolerance for the whole range. Weak, so
-/// that it decides only what the data leave open.
+/// Weight of the prior at the start value: a deviation over the whole range counts as this many tolerances.
+/// It is weak, so that it decides only parameters that the data do not determine.
 const PRIOR: f64 = 0.3;
-/// How strongly it is kept within its range.
+/// Weight of the penalty outside the range.
 const WALL: f64 = 30.0;
-/// A crane that cannot be simulated is this bad.
+/// Loss of a crane that cannot be simulated.
 const FAILED: f64 = 1e4;
-/// Step for derivatives, as a share of the range. Results are smooth on this scale only: a peak may
-/// change its place.
+/// Step of the finite differences, as a share of the range. The results are smooth on this scale only,
+/// because the time of a peak may change.
 const DIFFERENCE: f64 = 0.02;
 
-/// What a search may take.
+/// Effort of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effort {
     /// Generations of the global search.
     pub generations: usize,
-    /// Cranes in each.
+    /// Cranes in each generation.
     pub population: usize,
     /// Iterations of the local search.
     pub iterations: usize,
 }
 
-/// Where a search is.
+/// Progress of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
     /// Evaluations so far.
@@ -46,37 +46,37 @@ pub struct Progress {
     pub best: f64,
 }
 
-/// The result of a search.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// Shares of the parameters' ranges.
     pub shares: Vec<f64>,
-    /// What the crane there shows.
+    /// Results of the crane with these parameters.
     pub shown: [f64; RESULTS],
-    /// Standard deviation of each share, were every tolerance a standard deviation.
+    /// Standard deviation of each share, with the tolerances as standard deviations.
     pub deviation: Vec<f64>,
-    /// Correlation of the parameters.
+    /// Correlation matrix of the parameters.
     pub correlation: DMatrix<f64>,
-    /// Evaluations made.
+    /// Number of evaluations.
     pub evaluations: usize,
 }
 
-/// Step of the virtual crane in the global search \[s\]: a control period, four times faster than
-/// its own and good to a percent of the results.
+/// Integration step of the virtual crane in the global search \[s\]: a control period, four times its own
+/// step and accurate to one percent of the results.
 const COARSE_STEP: f64 = 1e-3;
 
-/// What every evaluation needs.
+/// Data of every evaluation.
 struct Case<'a> {
     model: &'a Description,
     template: Description,
-    /// Told apart in the journal: 0 with the coarse step, 1 with the template's own.
+    /// Stage in the journal: 0 with the coarse step, 1 with the template's own.
     stage: f64,
-    /// Where the parameters started.
+    /// Start values of the parameters.
     start: [f64; SIZE],
     journal: RefCell<&'a mut Journal>,
     progress: &'a dyn Fn(Progress),
     best: RefCell<(f64, Vec<f64>)>,
-    /// A journal that cannot be written stops the search.
+    /// Error of the journal, which stops the search.
     failure: RefCell<Option<LabError>>,
 }
 
@@ -103,8 +103,8 @@ impl Case<'_> {
         let Some(values) = self.shown(shares) else { return residuals };
         for (k, (published, value)) in published().iter().zip(values).enumerate() {
             let off = (value / published.value - 1.0) / published.tolerance;
-            // Cauchy's loss ln(1 + off²): results that cannot be met together with the others are
-            // given up one by one, in place of all being missed a little
+            // Cauchy's loss ln(1 + off²): an incompatible result is given up instead of worsening all
+            // others
             residuals[k] = off.signum() * off.powi(2).ln_1p().sqrt();
         }
         for k in 0..SIZE {
@@ -125,7 +125,7 @@ impl Case<'_> {
         let mut jacobian = DMatrix::zeros(RESIDUALS, SIZE);
         let here = self.residuals(shares);
         for column in 0..SIZE {
-            // inwards, where there is a crane
+            // inwards, so that the crane stays within its ranges
             let step = if shares[column] < 0.5 { DIFFERENCE } else { -DIFFERENCE };
             let mut moved = shares.to_vec();
             moved[column] += step;
@@ -138,7 +138,7 @@ impl Case<'_> {
     }
 }
 
-/// The case at one point, for the local search.
+/// Least-squares problem of the local search at one point.
 struct Downhill<'a, 'b> {
     case: &'a Case<'b>,
     at: DVector<f64>,
@@ -163,13 +163,13 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Downhill<'_, '_> {
     }
 }
 
-/// Searches for the parameters with which the template shows what is published, first by covariance
-/// matrix adaptation (global), then by Levenberg and Marquardt's method (local). The same template,
-/// effort and seed give the same crane.
+/// Searches for the parameters with which the template reproduces the published results. The global method
+/// is covariance matrix adaptation, the local one Levenberg-Marquardt. The same template, effort and seed
+/// give the same crane.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the model cannot be simulated, no crane could, or the journal fails.
+/// [`LabError`] if the model or every crane cannot be simulated, or the journal fails.
 pub fn search(
     model: &Description,
     template: &Description,
@@ -180,7 +180,7 @@ pub fn search(
     let start = shares_of(template);
     let mut coarse = template.clone();
     coarse.numbers.virtual_step = COARSE_STEP;
-    // the coarse step cannot resolve it, and it moves none of the results
+    // the coarse step cannot resolve the ripple, which affects none of the results
     coarse.numbers.ripple = 0.0;
     let mut case = Case {
         model,
@@ -227,9 +227,9 @@ pub fn search(
     Ok(Found { shares, shown: values, deviation, correlation, evaluations })
 }
 
-/// Standard deviations and correlations of the parameters around a minimum, from (JᵀJ)⁻¹.
+/// Standard deviations and correlations of the parameters at a minimum, from (JᵀJ)⁻¹.
 fn determined(jacobian: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
-    // walls do not inform; the prior keeps what the data leave open finite
+    // the penalty carries no information; the prior keeps undetermined parameters finite
     let informative = jacobian.rows(0, RESULTS + SIZE);
     let information = informative.transpose() * informative;
     let covariance = information.try_inverse().unwrap_or_else(|| DMatrix::identity(SIZE, SIZE));

@@ -1,16 +1,16 @@
-//! What one parameter does to all published results: where it mends one and spoils another, they
-//! cannot be met together by it.
+//! Effect of one parameter on all published results. If it improves one and worsens another, no value of it
+//! meets both.
 
 use super::published::{RESULTS, shown, tests};
 use crate::LabError;
 use hydroboom_description::Description;
 
-/// What a crane shows with each of several values of a key (in the key's unit), in the order of
+/// Results of a crane for several values of a key (in the key's unit), in the order of
 /// [`published`](super::published()).
 ///
 /// # Errors
 ///
-/// [`LabError`] when there is no such key, or a crane with such a value cannot be simulated.
+/// [`LabError`] if there is no such key, or a crane with such a value cannot be simulated.
 pub fn trade_off(
     model: &Description,
     crane: &Description,

@@ -1,4 +1,5 @@
-//! Ablation of the scheduled LQR: each mechanism switched off by keys of the controller's crane file, one at a time, on cranes of a family.
+//! Ablation study of the scheduled LQR on cranes of a family: each mechanism is switched off in turn by
+//! keys of the controller's crane file.
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::{family, members};
@@ -10,16 +11,16 @@ use serde::Serialize;
 
 const BAR: f64 = 1e5;
 
-/// A mechanism, and what switches it off.
+/// Mechanism, and the change that switches it off.
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanism {
     /// Its name.
     pub name: &'static str,
-    /// Changes the numbers of the controller's crane file, that of the machine staying as it is.
+    /// Change of the controller's crane file; that of the machine is unchanged.
     switch_off: fn(&mut Numbers<f64>),
 }
 
-/// Mechanisms of estimator and law.
+/// Mechanisms of estimator and control law.
 pub const MECHANISMS: [Mechanism; 11] = [
     Mechanism {
         name: "transition pressure estimated",
@@ -80,7 +81,7 @@ pub const MECHANISMS: [Mechanism; 11] = [
 ];
 
 impl Mechanism {
-    /// A controller's crane without it.
+    /// Controller's crane file without the mechanism.
     pub fn without(&self, model: &Description) -> Description {
         let mut without = model.clone();
         (self.switch_off)(&mut without.numbers);
@@ -88,31 +89,31 @@ impl Mechanism {
     }
 }
 
-/// True RMS error without a mechanism over that of the whole law on the same crane and course.
+/// True RMS error without a mechanism over that of the complete controller on the same crane and course.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The mechanism.
+    /// Name of the mechanism.
     pub mechanism: &'static str,
     /// Keys of the controller's crane file that switch it off, as `section.key=value`.
     pub overrides: Vec<String>,
     /// Course.
     pub course: String,
-    /// Cranes.
+    /// Number of cranes.
     pub cranes: usize,
     /// Geometric mean of the ratios.
     pub mean_ratio: f64,
     /// Largest ratio.
     pub largest_ratio: f64,
-    /// Cranes in sustained oscillation, or stopped, without it.
+    /// Number of cranes in sustained oscillation, or stopped, without the mechanism.
     pub oscillating: usize,
 }
 
-/// The ablation on cranes 0 to `count` - 1 of a seed. `go_on` is told the share done and says whether to; if not, those mechanisms that are done are all
-/// there is.
+/// Ablation study on cranes 0 to `count` - 1 of a seed. `go_on` receives the share done and returns whether
+/// to continue; otherwise the mechanisms completed so far are returned.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built.
+/// [`LabError`] if a crane cannot be built.
 pub fn ablation(
     model: &Description,
     nominal: &Description,
@@ -164,7 +165,8 @@ pub fn ablation(
 mod tests {
     use super::*;
 
-    /// Whatever the file says of limits: what switches a mechanism off changes something, and contradicts nothing.
+    /// Independent of the limits in the crane file, each switch changes at least one number and gives a
+    /// valid file.
     #[test]
     fn every_mechanism_is_switched_off_by_keys_that_a_crane_file_may_have() {
         let as_published = Description::uia_single_boom().unwrap();

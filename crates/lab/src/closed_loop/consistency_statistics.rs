@@ -1,4 +1,4 @@
-//! Statistics that tell whether an estimator is consistent: whether its errors are of the size that its covariance says.
+//! Consistency statistics of an estimator: whether its errors agree with its covariance.
 //!
 //! With innovation ν of variance S, and estimation error e of standard deviation σ, both scalar:
 //!
@@ -15,39 +15,40 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
-/// Mean NIS over a window that is wanted.
+/// Required range of the mean NIS over a window.
 pub const NIS_RANGE: RangeInclusive<f64> = 0.5..=2.0;
-/// Share of windows \[%\] whose mean NIS is to be within [`NIS_RANGE`], at least.
+/// Required share of windows \[%\] with a mean NIS within [`NIS_RANGE`].
 pub const NIS_SHARE: f64 = 90.0;
-/// Share of errors \[%\] that is to be within two standard deviations; 95.4 of a normal distribution are.
+/// Required share of errors \[%\] within two standard deviations; 95.4 for a normal distribution.
 pub const COVERAGE: RangeInclusive<f64> = 90.0..=99.0;
-/// Instants below which coverage tells nothing: of so many, a normal distribution leaves five outside on average.
+/// Smallest number of instants for a statement on coverage. Of that many, a normal distribution leaves five
+/// outside on average.
 pub const FEWEST_INSTANTS: usize = 100;
-/// Largest mean standard deviation over RMS error that is wanted: beyond it the filter knows more than it says.
+/// Largest allowed ratio of mean standard deviation to RMS error: above it the filter is too pessimistic.
 pub const LARGEST_DEVIATION: f64 = 2.0;
 
-/// Innovations of one measured number, sample by sample: means over windows, and autocorrelation.
+/// Innovations of one measured signal, sample by sample: means over windows, and autocorrelation.
 #[derive(Clone, Debug)]
 pub struct Innovations {
-    /// Samples in a window.
+    /// Window length \[samples\].
     window: usize,
-    /// Lags of the autocorrelation, in samples.
+    /// Lags of the autocorrelation \[samples\].
     lags: RangeInclusive<usize>,
-    /// The window under way: samples, sum of NIS, and whether there was an innovation in each.
+    /// Present window: number of samples, sum of NIS, and whether every sample has an innovation.
     filled: usize,
     sum: f64,
     is_whole: bool,
-    /// Mean NIS of each whole window.
+    /// Mean NIS of each complete window.
     means: Vec<f64>,
-    /// The last normalised innovations, newest last; not a number where there is none.
+    /// Last normalised innovations, newest last; NaN where there is none.
     past: VecDeque<f64>,
-    /// Sum of products and their number, by lag; sum of squares and their number.
+    /// Sum and number of products per lag; sum and number of squares.
     products: Vec<(f64, u64)>,
     squares: (f64, u64),
 }
 
 impl Innovations {
-    /// None yet.
+    /// Empty statistics.
     pub fn new(window: usize, lags: RangeInclusive<usize>) -> Self {
         let count = lags.clone().count();
         Self {
@@ -63,8 +64,8 @@ impl Innovations {
         }
     }
 
-    /// The normalised innovation ν/√S \[1\] of one more sample; none where it shall not count, as after a load change. A window with such a sample
-    /// does not count either.
+    /// Adds the normalised innovation ν/√S \[1\] of a sample. None excludes the sample, as after a load
+    /// change, and its window.
     pub fn add(&mut self, normalised: Option<f64>) {
         match normalised {
             Some(value) => {
@@ -94,7 +95,7 @@ impl Innovations {
         }
     }
 
-    /// Autocorrelation of largest magnitude, and its lag in samples; none where nothing was added.
+    /// Autocorrelation of largest magnitude with its lag \[samples\]; none without samples.
     pub fn largest_autocorrelation(&self) -> Option<(f64, usize)> {
         let square = self.squares.0 / self.squares.1 as f64;
         self.lags
@@ -107,29 +108,29 @@ impl Innovations {
     }
 }
 
-/// Innovations of one measured number over any number of runs.
+/// Summary of the innovations of one measured signal over several runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct InnovationSummary {
-    /// Windows without a load change.
+    /// Number of windows without a load change.
     pub windows: usize,
-    /// Mean NIS over all of them.
+    /// Mean NIS over all windows.
     pub mean_nis: f64,
-    /// Share of windows whose mean NIS is from 0.5 to 2.
+    /// Share of windows whose mean NIS is within 0.5 to 2.
     pub within_percent: f64,
     /// Share of windows whose mean NIS is within the 95 % band of white innovations.
     pub within_chi_square_percent: f64,
-    /// That band.
+    /// Limits of that band.
     pub chi_square_band: [f64; 2],
     /// Median over the runs of the largest magnitude of the autocorrelation.
     pub median_autocorrelation: f64,
-    /// The largest of a run, with its sign.
+    /// Largest autocorrelation of all runs, with its sign.
     pub largest_autocorrelation: f64,
-    /// Its lag, in samples.
+    /// Its lag \[samples\].
     pub largest_at_lag: usize,
 }
 
 impl InnovationSummary {
-    /// Of runs whose windows are of the same length; none where none of them has a window.
+    /// Summary of runs with equal window length; none if no run has a complete window.
     pub fn of<'a>(runs: impl IntoIterator<Item = &'a Innovations>) -> Option<Self> {
         let (mut means, mut largest, mut window) = (Vec::new(), Vec::new(), 1);
         for run in runs {
@@ -159,23 +160,24 @@ impl InnovationSummary {
         })
     }
 
-    /// Whether as many windows as wanted are within [`NIS_RANGE`].
+    /// Whether the required share of windows is within [`NIS_RANGE`].
     pub fn is_consistent(&self) -> bool {
         self.within_percent >= NIS_SHARE
     }
 }
 
-/// Band within which the mean of so many independent normalised innovations squared is in 95 % of cases.
+/// Band that contains the mean of `count` independent normalised innovations squared with a probability of
+/// 95 %.
 fn chi_square_band(count: usize) -> [f64; 2] {
     let degrees = count.max(1) as f64;
     match ChiSquared::new(degrees) {
         Ok(distribution) => [0.025, 0.975].map(|p| distribution.inverse_cdf(p) / degrees),
-        // a positive number of degrees of freedom is always one
+        // a positive number of degrees of freedom never fails
         Err(_) => [f64::NAN; 2],
     }
 }
 
-/// Estimation errors of one quantity, each with the standard deviation that the filter said.
+/// Estimation errors of one quantity with the filter's standard deviations.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Errors {
     count: u64,
@@ -187,10 +189,10 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// One more: estimate less truth, and its standard deviation, both in the quantity's unit.
+    /// Adds an error, estimate minus truth, and its standard deviation, both in the quantity's unit.
     pub fn add(&mut self, error: f64, deviation: f64) {
         self.count += 1;
-        // oil that is as stiff as it can be has no error to the last bit, and no deviation
+        // at the largest bulk modulus both error and standard deviation are exactly zero
         self.nees += if error == 0.0 { 0.0 } else { (error / deviation).powi(2) };
         self.error += error;
         self.square += error * error;
@@ -198,7 +200,7 @@ impl Errors {
         self.covered += u64::from(error.abs() <= 2.0 * deviation);
     }
 
-    /// Those of others, too.
+    /// Adds the errors of another collection.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.nees += other.nees;
@@ -208,7 +210,7 @@ impl Errors {
         self.covered += other.covered;
     }
 
-    /// In numbers, in a unit of the given size; none where there are no errors.
+    /// Summary in a unit of the given size; none without errors.
     pub fn summary(&self, unit: f64) -> Option<ErrorSummary> {
         let count = self.count as f64;
         let (rms, deviation) = ((self.square / count).sqrt(), self.deviation / count);
@@ -224,7 +226,7 @@ impl Errors {
     }
 }
 
-/// Estimation errors of one quantity in numbers.
+/// Summary of the estimation errors of one quantity.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct ErrorSummary {
     /// Number of errors.
@@ -244,7 +246,7 @@ pub struct ErrorSummary {
 }
 
 impl ErrorSummary {
-    /// Whether coverage and standard deviation are as wanted; none where there are too few instants to tell.
+    /// Whether coverage and standard deviation meet the requirements; none for too few instants.
     pub fn is_consistent(&self) -> Option<bool> {
         let is_as_wanted = COVERAGE.contains(&self.coverage_percent)
             && self.deviation_over_rms <= LARGEST_DEVIATION;
@@ -258,12 +260,12 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// Sums of twelve uniform numbers: normal as far as two standard deviations can tell.
+    /// Sum of twelve uniform numbers: approximately normal within two standard deviations.
     fn normal(random: &mut Pcg64Mcg) -> f64 {
         (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0
     }
 
-    /// White innovations of `size` times the standard deviation that is stated.
+    /// White innovations with `size` times the stated standard deviation.
     fn white(size: f64) -> InnovationSummary {
         let mut random = Pcg64Mcg::seed_from_u64(5);
         let runs: Vec<Innovations> = (0..10)
@@ -280,15 +282,15 @@ mod tests {
     fn white_innovations_of_the_stated_variance_are_consistent() {
         let summary = white(1.0);
         assert_eq!(summary.windows, 400);
-        // four standard deviations of the mean of 400 000
+        // four standard deviations of the mean of 400 000 samples
         assert!((summary.mean_nis - 1.0).abs() < 4.0 * (2.0_f64 / 4e5).sqrt(), "{summary:?}");
         assert!(summary.is_consistent() && summary.within_percent == 100.0);
-        // 95 %, and four standard deviations of a share of 400
+        // 95 %, and four standard deviations of a share of 400 windows
         assert!((summary.within_chi_square_percent - 95.0).abs() < 4.4, "{summary:?}");
-        // mean 1 and variance 2/N: normal to the third digit at 1000 degrees of freedom
+        // mean 1 and variance 2/N: normal to three digits at 1000 degrees of freedom
         let [low, high] = summary.chi_square_band;
         assert!((low - 0.9143).abs() < 2e-3 && (high - 1.0895).abs() < 2e-3, "{low} {high}");
-        // the largest of 181 lags of 40 000 numbers
+        // largest of 181 lags of 40 000 samples
         assert!(summary.largest_autocorrelation.abs() < 5.0 / 40_000_f64.sqrt(), "{summary:?}");
     }
 
@@ -315,7 +317,7 @@ mod tests {
     fn a_window_with_a_load_change_does_not_count() {
         let mut run = Innovations::new(100, 2..=20);
         for k in 0..1000 {
-            // windows 3 and 7, whatever their innovations are
+            // windows 3 and 7 are excluded, whatever their innovations
             let counts = k != 350 && k / 100 != 7;
             run.add(counts.then_some(if k / 100 == 3 { 30.0 } else { 1.0 }));
         }
@@ -328,7 +330,7 @@ mod tests {
         let mut random = Pcg64Mcg::seed_from_u64(6);
         let mut of = |size: f64, stated: f64| {
             let mut errors = Errors::default();
-            // deviations that differ by a factor of three: each error has its own
+            // standard deviations vary by a factor of three, each with its own error
             for k in 0..20_000 {
                 let deviation = 0.01 * (1.0 + f64::from(k % 3));
                 errors.add(size * deviation * normal(&mut random), stated * deviation);
@@ -339,14 +341,14 @@ mod tests {
         assert_eq!(right.is_consistent(), Some(true), "{right:?}");
         assert!((right.mean_nees - 1.0).abs() < 0.05, "{right:?}");
         assert!((right.coverage_percent - 95.4).abs() < 0.7, "{right:?}");
-        // root of the mean of 1, 4 and 9; in thousandths
+        // root mean square of 1, 2 and 3, in thousandths
         assert!((right.rms_error / (14.0_f64 / 3.0).sqrt() / 10.0 - 1.0).abs() < 0.03, "{right:?}");
         let doubled = of(2.0, 1.0);
         assert_eq!(doubled.is_consistent(), Some(false));
         assert!((doubled.mean_nees - 4.0).abs() < 0.2, "{doubled:?}");
-        // 68.3 % of a normal distribution
+        // 68.3 % for a normal distribution
         assert!((doubled.coverage_percent - 68.3).abs() < 1.5, "{doubled:?}");
-        // who says three times the error is not consistent, either
+        // three times the true standard deviation is inconsistent too
         assert_eq!(of(1.0, 3.0).is_consistent(), Some(false));
     }
 

@@ -1,4 +1,5 @@
-//! Which controller closes the loop: a strategy that is offered, or a baseline. Here is the one list of them all.
+//! Choice of the controller in a closed loop: a strategy or a baseline. This is the one list of all
+//! controllers.
 
 use crate::LabError;
 use crate::baselines::Baseline;
@@ -10,43 +11,43 @@ use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_design::stability::{benchmark_stability, stability_of};
 use serde::{Serialize, Serializer};
 
-/// A controller, by its name and its numbers.
+/// Controller by name and parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ControllerChoice {
-    /// A strategy that is offered.
+    /// Strategy for a machine.
     Strategy(Strategy),
-    /// A baseline, that is only compared with.
+    /// Baseline for comparison.
     Baseline(Baseline),
 }
 
 impl ControllerChoice {
-    /// All strategies, in their order.
+    /// All strategies in their order.
     pub fn strategies() -> Vec<Self> {
         Strategy::ALL.map(Self::Strategy).to_vec()
     }
 
-    /// All strategies, then all baselines as designed for a model.
+    /// All strategies, then all baselines designed for a model.
     ///
     /// # Errors
     ///
-    /// As of [`Baseline::all`].
+    /// See [`Baseline::all`].
     pub fn all(model: &Description) -> Result<Vec<Self>, LabError> {
         let mut all = Self::strategies();
         all.extend(Baseline::all(model)?.map(Self::Baseline));
         Ok(all)
     }
 
-    /// Its place among all of them.
+    /// Index among all controllers.
     pub fn place(self) -> usize {
         let names = Strategy::ALL.iter().map(|strategy| strategy.name()).chain(Baseline::NAMES);
         names.take_while(|name| *name != self.name()).count()
     }
 
-    /// The controller for a machine of which the model is known.
+    /// Controller for a machine described by the model.
     ///
     /// # Errors
     ///
-    /// [`LabError`] when it cannot be designed for the model.
+    /// [`LabError`] if it cannot be designed for the model.
     pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
         Ok(match self {
             Self::Strategy(Strategy::ScheduledLqr) => Box::new(scheduled_lqr_controller(model)?),
@@ -59,8 +60,8 @@ impl ControllerChoice {
         })
     }
 
-    /// Whether the loops that it steers through around a crane are stable, linearised over the stroke; none of a baseline that is not the benchmark with other gains, and
-    /// where a loop cannot be computed.
+    /// Whether its closed loops on a crane are stable, linearised over the stroke. None for baselines other
+    /// than a retuned benchmark, and if a loop cannot be computed.
     pub fn has_stable_loops(self, model: &Description, crane: &Description) -> Option<bool> {
         match self {
             Self::Strategy(strategy) => {

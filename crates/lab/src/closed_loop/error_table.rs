@@ -1,6 +1,6 @@
-//! Table of the figures by which a controller is judged over a family: its errors and its effort over the benchmark's on the same crane.
+//! Table of a controller's errors and effort over the benchmark's on the same cranes of a family.
 //!
-//! Rows are read from CSV as the example `true_errors` writes it. Columns that an older file does not have are left out.
+//! Rows are read from CSV files of the example `true_errors`. Columns that an older file lacks are omitted.
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::Percentiles;
@@ -8,12 +8,12 @@ use hydroboom_control::strategy::Strategy;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
 
-/// What older files call the benchmark.
+/// Name of the benchmark controller in older files.
 const BENCHMARK_BEFORE: &str = "benchmark";
-/// Motor speed and energy over the benchmark's that count as more.
+/// Ratio of motor speed or energy to the benchmark's above which it counts as higher.
 const MORE: f64 = 1.05;
 
-/// What one crane did along one course under one controller; numbers that are not known are none.
+/// Result of one crane along one course under one controller; unknown numbers are none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Outcome {
     true_rms_mm: Option<f64>,
@@ -28,29 +28,29 @@ struct Outcome {
 /// Course, seed and number of a crane.
 type Place = (String, String, String);
 
-/// Outcomes of one or more files.
+/// Results of one or more files.
 #[derive(Clone, Debug, Default)]
 pub struct ErrorTable {
-    /// By controller, in the order in which they were read.
+    /// Results by controller, in the order of reading.
     controllers: Vec<(String, HashMap<Place, Outcome>)>,
-    /// Courses in the order in which they were read.
+    /// Courses in the order of reading.
     courses: Vec<String>,
     benchmark: HashMap<Place, Outcome>,
 }
 
-/// A controller along a course, beside the benchmark.
+/// Controller along a course, compared with the benchmark controller.
 #[derive(Clone, Debug, PartialEq)]
 struct Row {
     course: String,
     controller: String,
-    /// Cranes that both were run on.
+    /// Cranes with results of both.
     cranes: usize,
     true_rms: Option<Percentiles>,
     true_rms_mm: Option<Percentiles>,
-    /// Its true RMS is larger, or it alone could not finish.
+    /// Number of cranes with a larger true RMS error, or a run that only the controller did not finish.
     worse: usize,
     oscillating: usize,
-    /// Of these, the benchmark does not.
+    /// Of the oscillating cranes those on which the benchmark controller does not oscillate.
     oscillating_alone: usize,
     measured_rms: Option<Percentiles>,
     motor_speed: Option<(Percentiles, usize)>,
@@ -66,7 +66,7 @@ impl ErrorTable {
     ///
     /// # Errors
     ///
-    /// [`LabError::Input`] with file, line and column where a row cannot be read, or tells of a crane for the second time.
+    /// [`LabError::Input`] with file, line and column if a row cannot be read or repeats a crane.
     pub fn read(&mut self, file: &str, content: impl std::io::Read) -> Result<(), LabError> {
         let failed = |reason: String| LabError::Input { file: file.into(), reason };
         let mut reader = csv::Reader::from_reader(content);
@@ -130,7 +130,7 @@ impl ErrorTable {
         Ok(())
     }
 
-    /// Outcomes of a controller, which is made room for.
+    /// Results of a controller, added if missing.
     fn of(&mut self, controller: &str) -> &mut HashMap<Place, Outcome> {
         if controller == BENCHMARK_BEFORE || controller == Strategy::BenchmarkClosedLoop.name() {
             return &mut self.benchmark;
@@ -145,11 +145,11 @@ impl ErrorTable {
 
     fn rows(&self) -> Vec<Row> {
         let mut rows = Vec::new();
-        // the benchmark first, beside itself
+        // the benchmark comes first, compared with itself
         let benchmark = (Strategy::BenchmarkClosedLoop.name().to_string(), self.benchmark.clone());
         for course in &self.courses {
             for (controller, outcomes) in [&benchmark].into_iter().chain(&self.controllers) {
-                // in a fixed order
+                // sorted, for a reproducible order
                 let pairs: BTreeMap<&Place, (&Outcome, &Outcome)> = outcomes
                     .iter()
                     .filter(|((along, ..), _)| along == course)
@@ -164,11 +164,11 @@ impl ErrorTable {
         rows
     }
 
-    /// The table as Markdown, a row for each course and controller; columns of which nothing is known are left out.
+    /// Markdown table with a row per course and controller; columns without data are omitted.
     ///
     /// # Errors
     ///
-    /// [`LabError::Input`] when no crane was run both under the benchmark and under another controller.
+    /// [`LabError::Input`] if no crane has results of both the benchmark and another controller.
     pub fn markdown(&self) -> Result<String, LabError> {
         let rows = self.rows();
         if rows.iter().all(|row| row.controller == Strategy::BenchmarkClosedLoop.name()) {
@@ -195,7 +195,8 @@ impl ErrorTable {
         Ok(table)
     }
 
-    /// The table of all but the benchmark over the scheduled LQR on the same crane; empty where that is not one of the controllers, or the only one.
+    /// Table of ratios to the scheduled LQR on the same crane for all controllers but the benchmark. Empty
+    /// if the scheduled LQR is missing or is the only controller.
     fn beside_scheduled_lqr(&self) -> String {
         let is_lqr = |name: &str| name == Strategy::ScheduledLqr.name();
         let Some((_, lqr)) = self.controllers.iter().find(|(name, _)| is_lqr(name)) else {
@@ -240,7 +241,7 @@ impl ErrorTable {
     }
 }
 
-/// A heading, and what stands below it for a row.
+/// Heading of a column, and its text for a row.
 type Column = (&'static str, fn(&Row) -> Option<String>);
 
 const COLUMNS: [Column; 14] = [
@@ -281,7 +282,7 @@ fn two(s: &Percentiles) -> String {
     format!("{:.1} / {:.1}", s.median, s.worst)
 }
 
-/// A controller beside the benchmark on the same cranes.
+/// Row of a controller compared with the benchmark on the same cranes.
 fn row(course: &str, controller: &str, pairs: &[(&Outcome, &Outcome)]) -> Row {
     let spread = |values: Vec<f64>| (!values.is_empty()).then(|| Percentiles::of(values));
     let all = |of: fn(&(&Outcome, &Outcome)) -> Option<f64>| -> Vec<f64> {
@@ -347,7 +348,8 @@ slow,1,0,scheduled-lqr,1.0,1.0,1,false,1060,11,3
         Ok(table)
     }
 
-    /// By hand: true ratios 0.5, 0.25 and 1.5, the fourth not finished; the fifth crane and the slow course have no benchmark.
+    /// Computed by hand: true ratios 0.5, 0.25 and 1.5, the fourth run not finished. The fifth crane and
+    /// the slow course have no benchmark.
     #[test]
     fn ratios_are_those_on_the_same_crane_seed_and_course() {
         let rows = table(&[BENCHMARK, OURS]).unwrap().rows();
@@ -372,7 +374,7 @@ slow,1,0,scheduled-lqr,1.0,1.0,1,false,1060,11,3
         close(ripple.worst, 5.0);
     }
 
-    /// By hand: on crane 0 half of the scheduled LQR's, on crane 1 twice as much.
+    /// Computed by hand: half of the scheduled LQR's error on crane 0, twice on crane 1.
     #[test]
     fn what_is_compared_with_the_scheduled_lqr_is_on_the_same_crane() {
         let other = "\

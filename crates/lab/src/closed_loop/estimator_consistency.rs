@@ -1,9 +1,12 @@
-//! Consistency of the state estimator on virtual cranes: are its innovations and its errors of the size that its covariance says?
+//! Consistency of the state estimator on virtual cranes: whether its innovations and errors agree with its
+//! covariance.
 //!
-//! The estimator is that of the scheduled LQR, designed for the model's crane file alone. It looks on while any controller moves a crane of the family in closed
-//! loop: its inputs are what is measured, and what is commanded. What it says is compared with the crane itself at the time of the measurement, which
-//! is as many control periods old as the crane's fieldbus delays it. Outputs that are no states have their standard deviation from the covariance P by
-//! first-order propagation, σ² = ∇h P ∇hᵀ, with exact derivatives (dual numbers).
+//! The estimator is that of the scheduled LQR, designed for the model's crane file alone. It runs beside
+//! any controller that moves a crane of the family in closed loop. Its inputs are the measurements and the
+//! commands. Its estimates are compared with the true state at the time of the measurement, which the
+//! crane's fieldbus delays by some control periods. Outputs that are not states get their standard
+//! deviation from the covariance P by first-order propagation, σ² = ∇h P ∇hᵀ. The derivatives are exact
+//! (dual numbers).
 
 use crate::LabError;
 use crate::closed_loop::consistency_statistics::{
@@ -28,23 +31,24 @@ use serde::{Serialize, Serializer};
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Length of a window of innovations \[s\].
+/// Window of the innovations \[s\].
 const WINDOW: f64 = 1.0;
 /// Lags of the autocorrelation \[s\].
 const LAGS: [f64; 2] = [0.02, 0.2];
-/// Time between two instants at which errors are taken \[s\], and within the time after a load change.
+/// Interval between two evaluations of the errors \[s\]: in general, and within [`LOAD_CHANGE`] after a
+/// load change.
 const INSTANTS: [f64; 2] = [0.5, 0.05];
-/// For so long after it a load change has rows of its own \[s\].
+/// Time after a load change with separate rows \[s\].
 const LOAD_CHANGE: f64 = 0.5;
-/// Until so long after it the filter recovers from it \[s\].
+/// Time after a load change until the end of the recovery phase \[s\].
 const RECOVERY: f64 = 2.0;
-/// For so long after it a start, stop or reversal of the reference has rows of its own \[s\].
+/// Time after a start, stop or reversal of the reference with separate rows \[s\].
 const START: f64 = 0.5;
 
-/// What is measured, in the order of the filter.
+/// Measured signals in the order of the filter.
 pub const MEASURED: [&str; 2] = ["position", "load pressure"];
 
-/// What is estimated, and has a true value.
+/// Estimated quantity that has a true value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Piston position, y + γ p.
@@ -57,14 +61,15 @@ pub enum Quantity {
     Payload,
     /// Friction of the cylinder: pre-sliding and viscous, A (f + p_v w).
     Friction,
-    /// Friction less the unknown force, A (f + p_v w − d): friction that differs from the model's is an unknown force to the filter.
+    /// Friction minus the unknown force, A (f + p_v w − d): the filter estimates a deviation from the
+    /// friction model as an unknown force.
     FrictionAndUnknownForce,
     /// Bulk modulus of the oil on the piston side, at its pressure.
     BulkModulus,
 }
 
 impl Quantity {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [Self; 7] = [
         Self::Position,
         Self::Velocity,
@@ -88,13 +93,14 @@ impl Quantity {
         }
     }
 
-    /// Whether it is the effect of a parameter, which is judged by its coverage alone: its standard deviation to first order vanishes where the effect saturates, as
-    /// the bulk modulus of compressed oil does, and NEES has no meaning there.
+    /// Whether it is a nonlinear function of parameters, which is judged by its coverage alone. Its
+    /// first-order standard deviation vanishes where the function saturates, as the bulk modulus of
+    /// compressed oil does. NEES has no meaning there.
     pub fn is_effect_of_parameter(self) -> bool {
         matches!(self, Self::Friction | Self::FrictionAndUnknownForce | Self::BulkModulus)
     }
 
-    /// Unit of its errors in tables and JSON, and that in SI units.
+    /// Unit of its errors in tables and JSON, and that unit in SI units.
     pub fn unit(self) -> (&'static str, f64) {
         match self {
             Self::Position => ("mm", 1e-3),
@@ -113,12 +119,12 @@ impl Serialize for Quantity {
     }
 }
 
-/// What happens to the crane at an instant.
+/// Phase of the course at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// The half second after a load change.
     AfterLoadChange,
-    /// From then on until two seconds after it.
+    /// From 0.5 s to 2 s after a load change.
     Recovery,
     /// The half second after the reference starts, stops or reverses.
     AfterStart,
@@ -129,7 +135,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// All of them.
+    /// All phases.
     pub const ALL: [Self; 5] =
         [Self::AfterLoadChange, Self::Recovery, Self::AfterStart, Self::Motion, Self::Rest];
 
@@ -148,7 +154,7 @@ impl Phase {
 /// Errors by phase, then by quantity.
 type ErrorTable = [[Errors; Quantity::ALL.len()]; Phase::ALL.len()];
 
-/// What a crane's course tells of the estimator.
+/// Statistics of the estimator along a course of a crane.
 #[derive(Clone, Debug)]
 struct Run {
     innovations: [Innovations; 2],
@@ -157,7 +163,7 @@ struct Run {
     errors: ErrorTable,
 }
 
-/// All quantities of a state, with the motor turning at a speed \[rev/s\].
+/// All quantities of a state at a motor speed \[rev/s\].
 fn quantities<T: Real>(
     model: &ReducedModel<T>,
     z: &MachineState<T>,
@@ -178,7 +184,7 @@ fn quantities<T: Real>(
     })
 }
 
-/// Estimates of all quantities, each with its standard deviation.
+/// Estimates of all quantities with their standard deviations.
 fn estimates(
     filter: &ExtendedKalmanFilter<f64>,
     state: &EstimatorState<f64>,
@@ -193,21 +199,21 @@ fn estimates(
     found
 }
 
-/// An estimator that looks on at a crane, and what is compared with it.
+/// Records the statistics of an estimator that runs beside another controller.
 struct ConsistencyRecorder<'a> {
     controller: ScheduledLqrController,
     crane: &'a Description,
     course: &'a dyn Course,
     /// Control period \[s\].
     period: f64,
-    /// Motor speed that was commanded in the period before \[rev/s\].
+    /// Motor speed commanded in the previous period \[rev/s\].
     command: f64,
-    /// What the crane was when it was measured, newest last: as many periods as the fieldbus delays a measurement, and now.
+    /// True samples of the measurement delay and of now, newest last.
     past: VecDeque<Sample>,
     delay: usize,
-    /// Control periods so far.
+    /// Number of control periods so far.
     number: usize,
-    /// Direction of the reference, and the time at which it changed last \[s\].
+    /// Direction of the reference, and the time of its last change \[s\].
     direction: (f64, f64),
     run: Run,
 }
@@ -240,7 +246,7 @@ impl<'a> ConsistencyRecorder<'a> {
         }
     }
 
-    /// One more control period.
+    /// Processes a control period.
     fn record(&mut self, sample: &Sample) {
         self.number += 1;
         let measurement = Measurement::new(self.number as u64, sample.time, [sample.signals]);
@@ -248,7 +254,7 @@ impl<'a> ConsistencyRecorder<'a> {
         self.controller.observe(&measurement, self.command);
         self.command = sample.command.motor_speed;
         self.past.push_back(*sample);
-        // what is measured before the first measurement has arrived is that of the start
+        // the estimator has no measurement before the delay has passed
         if self.past.len() <= self.delay {
             return;
         }
@@ -267,7 +273,8 @@ impl<'a> ConsistencyRecorder<'a> {
         }
     }
 
-    /// Compares the estimate with the crane as it was when it was measured, and motor speed as it was read \[rev/s\].
+    /// Compares the estimate with the true state at the time of the measurement; `motor_speed` is the
+    /// measured one \[rev/s\].
     fn compare(&mut self, measured: &Sample, motor_speed: f64) {
         let Some(estimated) = self.controller.estimated() else { return };
         let filter = &estimated.filter;
@@ -334,57 +341,58 @@ impl<'a> ConsistencyRecorder<'a> {
     }
 }
 
-/// Innovations of one measured number.
+/// Innovations of one measured signal.
 #[derive(Clone, Debug, Serialize)]
 pub struct InnovationRow {
-    /// What is measured.
+    /// Name of the measured signal.
     pub measured: &'static str,
-    /// The course; all of them where there is none.
+    /// Course; none for all courses together.
     pub course: Option<String>,
-    /// Its innovations.
+    /// Summary of its innovations.
     #[serde(flatten)]
     pub summary: InnovationSummary,
     /// Lag of the largest autocorrelation.
     pub largest_at_lag_ms: f64,
-    /// Whether it is as wanted.
+    /// Whether the summary meets the requirements.
     pub is_consistent: bool,
 }
 
 /// Errors of one quantity.
 #[derive(Clone, Debug, Serialize)]
 pub struct ErrorRow {
-    /// What is estimated.
+    /// Estimated quantity.
     pub quantity: Quantity,
     /// Unit of its errors.
     pub unit: &'static str,
-    /// The course; all of them where there is none.
+    /// Course; none for all courses together.
     pub course: Option<String>,
-    /// What happens to the crane; all but the half second after a load change where there is nothing.
+    /// Phase of the course; none for all phases except the 0.5 s after a load change.
     pub phase: Option<&'static str>,
-    /// Its errors.
+    /// Summary of its errors.
     #[serde(flatten)]
     pub summary: ErrorSummary,
-    /// Whether it is as wanted; none where there are too few instants to tell.
+    /// Whether the summary meets the requirements; none for too few instants.
     pub is_consistent: Option<bool>,
 }
 
-/// For how long innovations were inconsistent along a course.
+/// Time of inconsistent innovations along a course.
 #[derive(Clone, Debug, Serialize)]
 pub struct InconsistentTime {
     /// The course.
     pub course: String,
-    /// The longest time over its cranes.
+    /// Longest time over all cranes \[s\].
     pub longest_s: f64,
 }
 
-/// What was found.
+/// Result of the consistency study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Consistency {
-    /// Numbers of the cranes that have gone along all courses.
+    /// Numbers of the cranes that completed all courses.
     pub cranes: Vec<u64>,
-    /// Courses that a crane could not finish; they do not count.
+    /// Courses that a crane could not complete; they do not count.
     pub failed: Vec<String>,
-    /// By course: longest time for which the mean NIS was above `estimator.nis_inconsistent`; `estimator.divergence_time_s` is to be longer.
+    /// Longest time by course for which the mean NIS exceeded `estimator.nis_inconsistent`.
+    /// `estimator.divergence_time_s` must be longer.
     pub inconsistent: Vec<InconsistentTime>,
     /// Innovations: over all courses, then by course.
     pub innovations: Vec<InnovationRow>,
@@ -392,12 +400,12 @@ pub struct Consistency {
     pub errors: Vec<ErrorRow>,
 }
 
-/// Runs the estimator beside a controller on cranes of a family along all courses. `go_on` is told the share done and says whether to: if not, those cranes
-/// that have gone all the way by then are all there is.
+/// Runs the estimator beside a controller on cranes of a family along all courses. `go_on` receives the
+/// share done and returns whether to continue; otherwise the cranes completed so far count.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built, or an estimator not be designed for the model.
+/// [`LabError`] if a crane cannot be built or the estimator cannot be designed for the model.
 pub fn consistency(
     model: &Description,
     nominal: &Description,
@@ -432,7 +440,7 @@ pub fn consistency(
     let mut by_course: Vec<Vec<Run>> = vec![Vec::new(); courses.len()];
     let (mut finished, mut failed) = (Vec::new(), Vec::new());
     for (group, runs) in numbers.chunks(WIDTH).zip(done.chunks(courses.len())) {
-        // only cranes that have gone all the way
+        // only cranes that completed all courses
         let Some(runs) = runs.iter().cloned().collect::<Option<Vec<_>>>() else { continue };
         finished.extend_from_slice(group);
         for ((runs, name), of_course) in runs.into_iter().zip(&names).zip(&mut by_course) {
@@ -462,7 +470,7 @@ pub fn consistency(
     })
 }
 
-/// One course of up to [`WIDTH`] cranes; what each tells, or why it could not finish.
+/// One course on up to [`WIDTH`] cranes. Returns the statistics of each, or the reason of its failure.
 fn together(
     model: &Description,
     estimator: &ScheduledLqrController,
@@ -551,7 +559,7 @@ mod tests {
     use hydroboom_control::strategy::Strategy;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// Quantities of states and, after them, consider parameters.
+    /// Quantities as functions of the states and, after them, the consider parameters.
     fn quantities_of(
         model: &ReducedModel<f64>,
         errors: &[f64; ERRORS],
@@ -567,7 +575,7 @@ mod tests {
         quantities(&model, &MachineState::from_array(z), 3.0, 2e5)
     }
 
-    /// Standard deviations of outputs against central differences of the outputs themselves.
+    /// Standard deviations of the outputs compared with central differences of the outputs.
     #[test]
     fn deviations_of_outputs_are_those_of_the_states() {
         let description = Description::uia_single_boom().unwrap();
@@ -596,7 +604,7 @@ mod tests {
         let mean: [f64; ERRORS] =
             std::array::from_fn(|i| if i < STATES { z[i] } else { exact[i - STATES] });
         let slopes: [[f64; Quantity::ALL.len()]; ERRORS] = std::array::from_fn(|i| {
-            // a hundredth of a standard deviation: neither curvature nor rounding counts
+            // step of 0.01 standard deviations: neither curvature nor rounding matters
             let step = 0.01 * state.errors[i][i].sqrt();
             let moved =
                 |by: f64| at(std::array::from_fn(|j| mean[j] + if i == j { by } else { 0.0 }));
@@ -611,7 +619,7 @@ mod tests {
                 }
             }
             if quantity == Quantity::Payload {
-                // by the load's moment arm besides, in proportion to the load
+                // plus the uncertainty of the load's moment arm, in proportion to the payload
                 variance += (filter.payload_arm * z[6]).powi(2);
             }
             let (value, deviation) = found[q];
@@ -626,8 +634,8 @@ mod tests {
         assert_eq!(of(Quantity::Payload), filter.deviation(&state).payload);
     }
 
-    /// The same family, beside the benchmark: what is compared is the crane at the time of the measurement. A period late, the position at 120 mm/s would be
-    /// off by 0.12 mm.
+    /// The estimate is compared with the true state at the time of the measurement. One period of error
+    /// would shift the position by 0.12 mm at 120 mm/s.
     #[test]
     fn estimates_are_compared_with_the_crane_as_it_was_measured() {
         let model = Description::uia_single_boom().unwrap();
@@ -646,7 +654,7 @@ mod tests {
             };
             let position = row(Quantity::Position, Some(Phase::Motion));
             assert!(position.rms_error < 0.05, "{}: {position:?}", strategy.name());
-            // its sensors read it with 0.05 bar of noise, and the model leaves out 0.08 bar
+            // 0.05 bar of sensor noise, and 0.08 bar of unmodelled pressure
             let pressure = row(Quantity::LoadPressure, None);
             assert!(pressure.rms_error < 0.2, "{}: {pressure:?}", strategy.name());
             assert_eq!(position.instants, row(Quantity::Payload, Some(Phase::Motion)).instants);
@@ -668,7 +676,7 @@ mod tests {
             rows.find(of).unwrap().summary
         };
         let after = payload(Some(Phase::AfterLoadChange));
-        // three changes, ten instants each; just after it the payload is off by what has changed
+        // three changes with ten instants each; directly after a change the payload error is its size
         assert_eq!(after.instants, 30);
         assert!(after.rms_error > 2.0 * payload(None).rms_error, "{after:?}");
     }

@@ -1,4 +1,4 @@
-//! Stability margins of the loops of benchmark and scheduled LQR around a family of virtual cranes.
+//! Stability margins of benchmark and scheduled LQR on a family of virtual cranes.
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::{Percentiles, member};
@@ -11,19 +11,19 @@ use hydroboom_design::{
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// A crane of a family at a piston position, and how far a loop around it is from ringing on.
+/// Stability margins of a loop on one crane of a family at one piston position.
 #[derive(Clone, Debug, Serialize)]
 pub struct MemberMargins {
-    /// The crane's number.
+    /// Number of the crane.
     pub crane: u64,
-    /// Where its piston is.
+    /// Position of the piston.
     pub stroke_mm: f64,
-    /// Its margins there.
+    /// Stability margins there.
     pub margins: Margins,
 }
 
 impl MemberMargins {
-    /// Distance from −1, negative where the loop is unstable: orders loops by how near they are to instability.
+    /// Modulus margin, negative for an unstable loop: orders loops by their distance to instability.
     fn signed_modulus_margin(&self) -> f64 {
         match self.margins.unstable_poles {
             0 => self.margins.modulus_margin,
@@ -32,14 +32,14 @@ impl MemberMargins {
     }
 }
 
-/// Margins of a controller's loop over a family.
+/// Distribution of a controller's stability margins over a family.
 #[derive(Clone, Debug, Serialize)]
 pub struct FamilyMargins {
-    /// The controller.
+    /// Name of the controller.
     pub controller: &'static str,
-    /// Cranes and piston positions that were looked at.
+    /// Number of cranes and piston positions.
     pub count: usize,
-    /// Of these, the loop is unstable.
+    /// Number of unstable loops.
     pub unstable: usize,
     /// Modulus margin of the stable loops: 5th percentile.
     pub modulus_margin_p5: f64,
@@ -53,7 +53,7 @@ pub struct FamilyMargins {
     pub gain_p5: f64,
     /// Median.
     pub gain_median: f64,
-    /// The crane and position nearest to instability, or furthest beyond.
+    /// Crane and position nearest to instability, or furthest beyond.
     pub worst: MemberMargins,
 }
 
@@ -79,15 +79,17 @@ impl FamilyMargins {
     }
 }
 
-/// Margins over a family of virtual cranes, each at three piston positions: of the benchmark's loop, of the scheduled LQR's before anything is identified, and of
-/// the scheduled LQR's with oil and drive identified.
+/// Stability margins over a family of virtual cranes, each at three piston positions, of three loops. They
+/// are the benchmark's, the scheduled LQR's before any identification, and the scheduled LQR's with oil and
+/// drive identified.
 ///
-/// The controllers know the model alone, but for the payload, which the estimator weighs at rest. Lag of the drive and stiffness of the oil are those of the
-/// crane file, or, where they are identified, those of the crane. The cranes are linearised as they are, with drive, fieldbus and position sensor of their own.
+/// The controllers use the model and the payload, which the estimator identifies at rest. Lag of the drive
+/// and stiffness of the oil are those of the crane file, or of the crane if identified. The cranes are
+/// linearised with their own drive, fieldbus and position sensor.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built or linearised.
+/// [`LabError`] if a crane cannot be built or linearised.
 pub fn family_margins(
     model: &Description,
     count: u64,
@@ -129,7 +131,7 @@ pub fn family_margins(
 mod tests {
     use super::*;
 
-    /// Two cranes with loads that both controllers are made for.
+    /// Two cranes with payloads within both controllers' design range.
     #[test]
     fn both_controllers_are_looked_at_around_the_same_cranes() {
         let model = Description::uia_single_boom().unwrap();

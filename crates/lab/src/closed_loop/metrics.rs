@@ -6,45 +6,49 @@ use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, 
 use serde::Serialize;
 use std::fmt;
 
-/// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
+/// Time constant that separates slow deflection of the tip from vibration \[s\]; the boom's modes are at
+/// some Hz.
 const SLOW: f64 = 0.5;
-/// Time after the end of a motion, or after another load, from which the motor's ripple counts \[s\].
+/// Time after the end of a motion, or after a load change, from which the motor's ripple counts \[s\].
 const SETTLING: f64 = 1.0;
-/// Window of the motor's ripple \[s\]: what is slower, leakage and what an integrator still makes good, is no ripple.
+/// Window of the motor's ripple \[s\]. Slower changes, by leakage or an integrator, are not ripple.
 const WINDOW: f64 = 1.0;
-/// Time before a motion in which a controller that knows it ahead may begin with it \[s\].
+/// Time before a motion in which a controller with preview may already act \[s\].
 const AHEAD: f64 = 0.5;
 
-/// What motor energy is, where it stands in a table.
+/// Definition of motor energy, for a table.
 pub const MOTOR_ENERGY: &str = "\
 Motor energy: the positive part of the motor's shaft power (torque times speed), integrated over the whole course, rests included; what flows back is not credited.";
 
-/// What a course cost and left, beside its tracking error.
+/// Effort and vibration of a course.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Effort {
     /// Largest motor speed.
     pub motor_speed_rpm: f64,
-    /// Motor energy: the positive part of the motor's shaft power, torque times speed, integrated over the whole course, rests included. What flows back
-    /// through the shaft is not credited.
+    /// Motor energy: positive part of the motor's shaft power, torque times speed, integrated over the
+    /// whole course, rests included. Recovered energy is not credited.
     pub energy_kj: f64,
     /// Largest deflection of the tip.
     pub tip_deflection_mm: f64,
-    /// Root mean square of the tip's vibration while the crane should rest, from the first motion on.
+    /// RMS vibration of the tip while the reference is at rest, from the first motion on.
     pub residual_vibration_mm: f64,
-    /// Motor ripple at rest: standard deviation of the commanded motor speed within windows of 1 s, while the reference has rested for at least 1 s,
-    /// no load was changed within 1 s, and no motion begins within 0.5 s, which a controller may know ahead. This is what noise and friction make of it.
+    /// Motor ripple at rest, an effect of noise and friction: standard deviation of the commanded motor
+    /// speed within windows of 1 s. Counted is the time in which the reference has rested for at least 1 s,
+    /// no load changed within 1 s, and no motion begins within 0.5 s. The last condition is for controllers
+    /// with preview.
     ///
-    /// Windows follow each other from the first second of a rest on; before a load change and at the end of the course the last may be shorter. Each
-    /// has its own mean, and their squares are pooled. Not a number where the course has no such rest.
+    /// Windows follow each other from the first second of a rest on; before a load change and at the end of
+    /// the course the last one may be shorter. Each has its own mean, and their squares are pooled. NaN if
+    /// the course has no such rest.
     pub motor_ripple_rpm: f64,
-    /// Root mean square of the motor's rate of change of speed over the whole course, rests included.
+    /// RMS rate of change of the motor speed over the whole course, rests included.
     pub motor_slew_rpm_per_s: f64,
-    /// Control periods in which the controller could compute no command, and took one of before.
+    /// Number of control periods without a solution, in which an earlier command was repeated.
     pub periods_without_solution: u64,
 }
 
 impl Effort {
-    /// That in some periods no command could be computed; empty where in all.
+    /// Note on control periods without a solution; empty if there are none.
     pub fn without_solution(&self) -> String {
         match self.periods_without_solution {
             0 => String::new(),
@@ -52,7 +56,7 @@ impl Effort {
         }
     }
 
-    /// That of a course that was not finished: no numbers.
+    /// Values of an unfinished course: NaN.
     pub const UNFINISHED: Self = Self {
         motor_speed_rpm: f64::NAN,
         energy_kj: f64::NAN,
@@ -64,22 +68,24 @@ impl Effort {
     };
 }
 
-/// A sustained oscillation of the piston about its reference at rest.
+/// Sustained oscillation of the piston about its reference at rest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SustainedOscillation {
-    /// Amplitude, half of what lies between two turning points.
+    /// Amplitude: half the distance between two turning points.
     pub amplitude_mm: f64,
     /// Frequency.
     pub frequency_hz: f64,
-    /// Whether the motor reached its largest speed or slew rate in it: then the amplitude is what these limits leave, a limit cycle.
+    /// Whether the motor reached its largest speed or slew rate: then these limits determine the amplitude
+    /// (limit cycle).
     pub motor_at_limit: bool,
 }
 
-/// Share of a limit that counts as reached.
+/// Share of a limit from which it counts as reached.
 pub const REACHED: f64 = 0.999;
 
 impl SustainedOscillation {
-    /// The one that a control error \[m\] is in after a further period of `elapsed` \[s\], by the detector of a loop that positions a piston.
+    /// Sustained oscillation of a control error \[m\] after a further period of `elapsed` \[s\], by the
+    /// oscillation detector of the position loop.
     pub fn after(
         state: &mut OscillationState<f64>,
         error: f64,
@@ -107,27 +113,28 @@ impl fmt::Display for SustainedOscillation {
     }
 }
 
-/// Tracking errors x − x_ref of a course, rests included: of the piston itself, and as its sensor reads it, noise and delay of the fieldbus included.
+/// Tracking errors x − x_ref of a course, rests included: true, and as measured with sensor noise and
+/// fieldbus delay.
 ///
-/// Where sensors and fieldbus are ideal, both are the same.
+/// With ideal sensors and fieldbus both are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrackingError {
-    /// Root mean square of the piston's.
+    /// RMS true error.
     pub rms_true_mm: f64,
-    /// Root mean square as measured.
+    /// RMS measured error.
     pub rms_measured_mm: f64,
-    /// The piston's of largest magnitude, with its sign.
+    /// True error of largest magnitude, with its sign.
     pub peak_true_mm: f64,
-    /// The measured one of largest magnitude, with its sign.
+    /// Measured error of largest magnitude, with its sign.
     pub peak_measured_mm: f64,
 }
 
 impl TrackingError {
-    /// Heads of columns for the four errors, in the order of [`cells`](Self::cells).
+    /// Column heads of the four errors in the order of [`cells`](Self::cells).
     pub const HEADS: [&'static str; 4] =
         ["RMS true [mm]", "RMS measured [mm]", "peak true [mm]", "peak measured [mm]"];
 
-    /// That of a course that was not finished: no numbers.
+    /// Values of an unfinished course: NaN.
     pub const UNFINISHED: Self = Self {
         rms_true_mm: f64::NAN,
         rms_measured_mm: f64::NAN,
@@ -135,12 +142,12 @@ impl TrackingError {
         peak_measured_mm: f64::NAN,
     };
 
-    /// All four \[mm\], in the order of [`HEADS`](Self::HEADS).
+    /// All four errors \[mm\] in the order of [`HEADS`](Self::HEADS).
     pub fn cells(&self) -> [f64; 4] {
         [self.rms_true_mm, self.rms_measured_mm, self.peak_true_mm, self.peak_measured_mm]
     }
 
-    /// Whether the measured error is the true one.
+    /// Whether measured and true errors are equal.
     pub fn is_measured_truly(&self) -> bool {
         self.rms_true_mm == self.rms_measured_mm && self.peak_true_mm == self.peak_measured_mm
     }
@@ -152,7 +159,7 @@ impl Default for TrackingError {
     }
 }
 
-/// Samples, and the sum of their squares about a mean \[rpm²\].
+/// Number of samples, and sum of their squares about a mean \[rpm²\].
 type Squares = (u64, f64);
 
 fn both(a: Squares, b: Squares) -> Squares {
@@ -164,13 +171,13 @@ fn both(a: Squares, b: Squares) -> Squares {
 struct MotorRipple {
     /// Time since which the reference has rested under the same load \[s\]; none in motion.
     since: Option<f64>,
-    /// End of this window \[s\], and mean \[rpm\] and squares so far.
+    /// End of the present window \[s\], with its mean \[rpm\] and squares so far.
     end: f64,
     mean: f64,
     window: Squares,
-    /// The window before, which counts unless a motion begins soon after it.
+    /// Previous window, which counts unless a motion begins soon after it.
     before: Squares,
-    /// Those that count.
+    /// Windows that count.
     counted: Squares,
 }
 
@@ -205,7 +212,7 @@ impl MotorRipple {
         self.window = (count, self.window.1 + off * (speed - self.mean));
     }
 
-    /// All of it, where no motion follows.
+    /// Sum of all windows, if no motion follows.
     fn until_now(&self) -> Squares {
         both(self.counted, both(self.before, self.window))
     }
@@ -217,30 +224,31 @@ impl MotorRipple {
     }
 }
 
-/// Tracking errors gathered along a course.
+/// Tracking errors and effort, accumulated along a course.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Metrics {
     square: f64,
     peak: f64,
-    /// The same of the true piston.
+    /// The same for the true piston position.
     true_square: f64,
     true_peak: f64,
     count: u64,
-    /// Detector of sustained oscillation, shown the piston itself.
+    /// Detector of sustained oscillation, applied to the true position.
     oscillation: OscillationState<f64>,
-    /// The largest that was found.
+    /// Largest oscillation found.
     found: Option<SustainedOscillation>,
-    /// Command a period ago \[rev/s\], and its largest magnitude and rate \[rev/s²\] in half-cycles that did not die out.
+    /// Previous command \[rev/s\], and largest magnitude and rate \[rev/s²\] of the command in half-cycles
+    /// that did not decay.
     commanded: f64,
     largest_command: f64,
     largest_slew: f64,
     /// Time of the last sample \[s\].
     time: f64,
     effort: Effort,
-    /// Time and slow part of the tip's deflection a period ago; none before the first.
+    /// Time and slow part of the tip's deflection at the previous sample; none before the first.
     before: Option<(f64, f64)>,
     has_moved: bool,
-    /// Motor speed a period ago \[rpm\], and the integral of the square of its rate so far \[rpm²/s\].
+    /// Motor speed at the previous sample \[rpm\], and the integral of its squared rate so far \[rpm²/s\].
     turned: Option<f64>,
     slew_square: f64,
     vibration: f64,
@@ -249,7 +257,7 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Nothing gathered yet.
+    /// Empty metrics.
     pub fn new() -> Self {
         Self::default()
     }
@@ -321,7 +329,7 @@ impl Metrics {
         }
     }
 
-    /// What the course cost and left.
+    /// Effort and vibration so far.
     pub fn effort(&self) -> Effort {
         let vibration = (self.vibration / self.resting.max(1) as f64).sqrt();
         Effort {
@@ -342,38 +350,39 @@ impl Metrics {
         }
     }
 
-    /// Root mean square of the true piston's tracking error \[m\], which no sensor and no fieldbus shows.
+    /// RMS of the true tracking error \[m\], without sensor noise and fieldbus delay.
     pub fn true_rms(&self) -> f64 {
         (self.true_square / self.count.max(1) as f64).sqrt()
     }
 
-    /// The true error of largest magnitude, with its sign \[m\].
+    /// True error of largest magnitude, with its sign \[m\].
     pub fn true_peak(&self) -> f64 {
         self.true_peak
     }
 
-    /// Root mean square of the tracking error as it is measured \[m\].
+    /// RMS of the measured tracking error \[m\].
     pub fn rms(&self) -> f64 {
         (self.square / self.count.max(1) as f64).sqrt()
     }
 
-    /// The error of largest magnitude, with its sign \[m\].
+    /// Measured error of largest magnitude, with its sign \[m\].
     pub fn peak(&self) -> f64 {
         self.peak
     }
 
-    /// Whether the course, which ends at rest, ended in what may be a sustained oscillation: the last half-cycles did not
-    /// die out.
+    /// Whether the last half-cycles of a course that ends at rest did not decay: a sustained oscillation
+    /// may have begun.
     pub fn may_oscillate(&self) -> bool {
         self.oscillation.half_cycles > 0.5
     }
 
-    /// Whether it was in a sustained oscillation while its reference rested, by the one detector there is.
+    /// Whether the detector found a sustained oscillation while the reference rested.
     pub fn oscillates(&self) -> bool {
         self.found.is_some()
     }
 
-    /// The largest sustained oscillation while the reference rested, by the one detector there is, with a motor of these limits.
+    /// Largest sustained oscillation that the detector found while the reference rested, for a motor with
+    /// these limits.
     pub fn sustained_oscillation(
         &self,
         limits: &ActuatorLimits<f64>,
@@ -392,18 +401,19 @@ pub(crate) mod tests {
     use hydroboom_description::Description;
     use hydroboom_virtual_crane::VirtualCrane;
 
-    /// Of a crane that ends a course of three seconds so far \[m\] from where it should be.
+    /// Metrics of a course of three seconds with the given position error \[m\].
     pub(crate) fn metrics(off: impl Fn(f64) -> f64) -> Metrics {
         commanded(off, |_| 0.0)
     }
 
     const LIMITS: ActuatorLimits<f64> = ActuatorLimits { speed: 50.0, slew: 500.0 };
 
-    /// A motor that swings between its limits, of speed or of slew rate, is told from one that swings within them.
+    /// An oscillation whose command reaches the motor's limits, of speed or slew rate, is distinguished
+    /// from one within them.
     #[test]
     fn an_oscillation_says_whether_the_motor_is_at_its_limit() {
         let swing = |time: f64| 3e-3 * (8.0 * time).sin();
-        // a fast turn before the oscillation is none of it
+        // a fast turn before the oscillation does not belong to it
         let first = |time: f64| if time < 0.01 { 50.0 } else { 0.0 };
         for (size, omega, is_at_limit) in
             [(20.0, 8.0, false), (50.0, 8.0, true), (20.0, 40.0, true)]
@@ -450,15 +460,16 @@ pub(crate) mod tests {
         assert!((found.frequency_hz - 12.0 / std::f64::consts::TAU).abs() < 0.1, "{found}");
         assert!(!oscillates(&|time| swing(time) * (-0.5 * time).exp()));
         assert!(!oscillates(&|time| 0.1 * swing(time)));
-        // friction has held it, and by now it is made good for, at 4 mm/s
+        // an error held by friction that the controller reduces at 4 mm/s is no oscillation
         assert!(!oscillates(&|time| -9e-3 + 4e-3 * (time - 1.0).max(0.0)));
-        // the first half-cycles may be one
+        // the first half-cycles may be the beginning of one
         let late = |time: f64| if time > 2.0 { swing(time) } else { 0.0 };
         assert!(metrics(late).may_oscillate() && !metrics(late).oscillates());
     }
 
-    /// The motor is commanded a sine of 3 rpm about a speed of its own in each rest, which in the first drifts by 1 rpm a second. Moving, in the second
-    /// after a motion and after another load, and in the 0.4 s before a motion, it is commanded 1000 rpm more.
+    /// In each rest the command is a sine of 3 rpm about a mean of its own, which drifts by 1 rpm per
+    /// second in the first rest. During motion it is 1000 rpm higher. So it is in the second after a motion
+    /// or a load change, and in the 0.4 s before a motion.
     #[test]
     fn motor_ripple_is_told_of_settled_rests_alone_about_the_speed_of_each() {
         let description = Description::uia_virtual().unwrap();
@@ -468,7 +479,7 @@ pub(crate) mod tests {
             let mut metrics = Metrics::new();
             for k in 0..end {
                 let time = 1e-3 * f64::from(k);
-                // rests from 0, 6 and 10 s on, the last of them under another load
+                // rests begin at 0, 6 and 10 s, the last one with another load
                 let (mean, since) = match k {
                     ..5000 => (20.0 + time, 0),
                     5000..6000 => (1000.0, k),

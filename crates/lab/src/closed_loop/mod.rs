@@ -1,4 +1,5 @@
-//! Closed loops: a controller and virtual cranes along a course, alone, over trials of robustness and over families of cranes.
+//! Closed loops: a controller and virtual cranes along a course, for single runs, robustness trials and
+//! families of cranes.
 
 pub mod ablation;
 pub mod consistency_statistics;

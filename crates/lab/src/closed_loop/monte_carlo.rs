@@ -1,4 +1,4 @@
-//! Monte Carlo simulation over families of virtual cranes whose parameters vary.
+//! Monte Carlo simulation over families of virtual cranes with random parameters.
 
 use crate::LabError;
 use crate::baselines::Baseline;
@@ -16,10 +16,10 @@ use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
 use std::f64::consts::TAU;
 
-/// What varies from crane to crane, evenly within its range.
+/// Random parameter, uniformly distributed within its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Variation {
-    /// What it is, with its unit.
+    /// Name with its unit.
     pub name: &'static str,
     /// Smallest value.
     pub low: f64,
@@ -31,7 +31,7 @@ const fn vary(name: &'static str, low: f64, high: f64) -> Variation {
     Variation { name, low, high }
 }
 
-/// All of them, in the order in which they are drawn.
+/// All random parameters in the order in which they are drawn.
 pub const VARIATIONS: [Variation; 10] = [
     vary("payload [% of the nominal]", 0.0, 120.0),
     vary("oil temperature [C]", 10.0, 60.0),
@@ -45,7 +45,8 @@ pub const VARIATIONS: [Variation; 10] = [
     vary("accumulator pressure [bar]", 2.0, 3.2),
 ];
 
-/// What varies beyond [`VARIATIONS`] in a widened family, in the order in which it is drawn; the last is drawn by the crane, each transducer for itself.
+/// Further random parameters of a widened family in the order in which they are drawn. The virtual crane
+/// draws the last one for each transducer separately.
 pub const WIDENED: [Variation; 6] = [
     vary("beam: Young's modulus [times the nominal]", 0.8, 1.2),
     vary("base: stiffness [times the nominal]", 0.7, 1.3),
@@ -55,25 +56,25 @@ pub const WIDENED: [Variation; 6] = [
     vary("pressure transducers: constant error [% of the span]", -0.5, 0.5),
 ];
 
-/// Sensors that lag by less have no lag \[s\]: their bandwidth cannot be stated.
+/// Shortest lag of a sensor \[s\]. Below it the lag is zero, because its bandwidth cannot be stated.
 const SHORTEST_LAG: f64 = 1e-5;
 
-/// One crane of the family.
+/// Crane of a family.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Its values of [`VARIATIONS`], and in a widened family of [`WIDENED`] but the last.
+    /// Values of [`VARIATIONS`], and in a widened family of [`WIDENED`] except its last entry.
     pub values: Vec<f64>,
-    /// The crane.
+    /// Description of the crane.
     pub crane: Description,
 }
 
-/// The crane of the given number, always the same for the same seed and nominal crane.
+/// Crane with the given number. It depends on the seed and the nominal crane only.
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] when such a machine cannot exist.
+/// [`LabError::Description`] if such a machine cannot exist.
 pub fn member(nominal: &Description, seed: u64, number: u64) -> Result<Member, LabError> {
-    // a stream of its own for each, so that they can be drawn in any order
+    // a random stream of its own, so that cranes can be drawn in any order
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let values = VARIATIONS.map(|v| random.random_range(v.low..=v.high));
     let [payload, oil, wear, air, friction, drive, displacement, preload, rod_side, accumulator] =
@@ -104,11 +105,12 @@ pub fn member(nominal: &Description, seed: u64, number: u64) -> Result<Member, L
     Ok(Member { values: values.to_vec(), crane })
 }
 
-/// The same crane in a widened family: it is [`member`] with the variations of [`WIDENED`] too, drawn from a stream of their own.
+/// Crane of a widened family: [`member`] with the variations of [`WIDENED`] added, from a separate random
+/// stream.
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] when such a machine cannot exist.
+/// [`LabError::Description`] if such a machine cannot exist.
 pub fn widened(nominal: &Description, seed: u64, number: u64) -> Result<Member, LabError> {
     let Member { mut values, mut crane } = member(nominal, seed, number)?;
     let stream = seed.rotate_left(32) ^ number.wrapping_mul(0xd1b5_4a32_d192_ed03);
@@ -147,7 +149,7 @@ pub fn widened(nominal: &Description, seed: u64, number: u64) -> Result<Member, 
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] when one of them cannot exist.
+/// [`LabError::Description`] if one of them cannot exist.
 pub fn members(
     nominal: &Description,
     (count, seed): (u64, u64),
@@ -157,17 +159,17 @@ pub fn members(
     (0..count).map(|number| of(nominal, seed, number)).collect()
 }
 
-/// What varies in a family, widened or not.
+/// Random parameters of a family, widened or not.
 pub fn variations(is_widened: bool) -> Vec<Variation> {
     let more: &[Variation] = if is_widened { &WIDENED } else { &[] };
     [&VARIATIONS, more].concat()
 }
 
-/// The same crane after years: three times the leakage, a third more friction, more air in its oil.
+/// The crane after years of wear: three times the leakage, a third more friction, more air in its oil.
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] when such a machine cannot exist.
+/// [`LabError::Description`] if such a machine cannot exist.
 pub fn worn(crane: &Description) -> Result<Description, LabError> {
     let n = &crane.numbers;
     let mut worn = crane.clone();
@@ -184,29 +186,29 @@ pub fn worn(crane: &Description) -> Result<Description, LabError> {
     Ok(worn)
 }
 
-/// What one crane did under one strategy along one course.
+/// Result of one crane under one controller along one course.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Outcome {
     /// Tracking error.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// What the course cost and left.
+    /// Effort and vibration.
     #[serde(flatten)]
     pub effort: Effort,
-    /// Whether it rang on, or could not be finished.
+    /// Whether it was in sustained oscillation, or could not be finished.
     pub unstable: bool,
 }
 
-/// What one crane did: outcomes by controller, then by course.
+/// Results of one crane by controller, then by course.
 pub type Outcomes = Vec<Vec<Outcome>>;
 
-/// Runs all controllers along all courses on cranes of a family, side by side in lanes and on all
-/// cores. `go_on` is told the share done and says whether to: if not, those cranes that have gone all the way by then are all
-/// there is.
+/// Runs all controllers along all courses on cranes of a family, vectorised and on all cores. `go_on`
+/// receives the share done and returns whether to continue; otherwise the cranes completed so far are
+/// returned.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built. One that cannot finish a course counts as unstable.
+/// [`LabError`] if a crane cannot be built. A crane that cannot finish a course counts as unstable.
 pub fn family(
     model: &Description,
     members: Vec<Member>,
@@ -253,7 +255,7 @@ fn together(
     controller: ControllerChoice,
     choice: &CourseChoice,
 ) -> Result<[Outcome; WIDTH], LabError> {
-    // the last group may be smaller: then its last crane runs in the lanes left over too
+    // in a smaller last group its last crane also fills the remaining lanes
     let member = |lane: usize| &group[lane.min(group.len() - 1)].crane;
     let mut courses = Vec::with_capacity(WIDTH);
     for lane in 0..WIDTH {
@@ -284,10 +286,10 @@ fn together(
     }))
 }
 
-/// The distribution of a quantity over a family.
+/// Distribution of a quantity over a family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Percentiles {
-    /// The least.
+    /// Minimum.
     pub least: f64,
     /// 5th percentile.
     pub p5: f64,
@@ -299,12 +301,12 @@ pub struct Percentiles {
     pub p75: f64,
     /// 95th percentile.
     pub p95: f64,
-    /// The largest.
+    /// Maximum.
     pub worst: f64,
 }
 
 impl Percentiles {
-    /// Of the given values, those that are not numbers left out.
+    /// Distribution of the given values; non-finite ones are ignored.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
         let [least, worst] =
@@ -322,13 +324,13 @@ impl Percentiles {
         }
     }
 
-    /// As text, with so many digits: median (least .. largest).
+    /// Text with `digits` decimals: median (minimum .. maximum).
     pub fn range_text(&self, digits: usize) -> String {
         let Self { least, median, worst, .. } = self;
         format!("{median:.digits$} ({least:.digits$} .. {worst:.digits$})")
     }
 
-    /// As text, with so many digits: median (5 .. 95 %), worst.
+    /// Text with `digits` decimals: median (5 .. 95 %), maximum.
     pub fn text(&self, digits: usize) -> String {
         let Self { p5, median, p95, worst, .. } = self;
         format!("{median:.digits$} ({p5:.digits$} .. {p95:.digits$}), {worst:.digits$}")
@@ -338,65 +340,66 @@ impl Percentiles {
 /// One controller along one course over the whole family.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The controller.
+    /// Controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
-    /// The course.
+    /// Name of the course.
     pub course: String,
-    /// RMS tracking error of the true piston.
+    /// RMS true tracking error.
     pub rms_true_mm: Percentiles,
-    /// RMS tracking error as measured.
+    /// RMS measured tracking error.
     pub rms_measured_mm: Percentiles,
-    /// Magnitude of the peak tracking error of the true piston.
+    /// Magnitude of the peak true tracking error.
     pub peak_true_mm: Percentiles,
-    /// Magnitude of the peak tracking error as measured.
+    /// Magnitude of the peak measured tracking error.
     pub peak_measured_mm: Percentiles,
     /// Share of cranes on which it is unstable.
     pub unstable_percent: f64,
-    /// Its RMS over the benchmark's on the same crane, of the true piston: below 1 where it is better.
+    /// RMS true error over the benchmark's on the same crane: below 1 if smaller.
     pub rms_true_over_benchmark: Percentiles,
-    /// The same as measured.
+    /// The same for the measured error.
     pub rms_measured_over_benchmark: Percentiles,
-    /// Its true RMS over that of the retuned benchmark on the same crane, where that is one of the controllers.
+    /// RMS true error over that of the retuned benchmark on the same crane, if that is one of the
+    /// controllers.
     pub rms_true_over_retuned_benchmark: Option<Percentiles>,
-    /// Its true peak over the benchmark's on the same crane.
+    /// Peak true error over the benchmark's on the same crane.
     pub peak_true_over_benchmark: Percentiles,
-    /// Its energy over the benchmark's on the same crane.
+    /// Motor energy over the benchmark's on the same crane.
     pub energy_over_benchmark: Percentiles,
-    /// Its largest motor speed over the benchmark's on the same crane.
+    /// Largest motor speed over the benchmark's on the same crane.
     pub motor_speed_over_benchmark: Percentiles,
-    /// Its residual vibration of the tip over the benchmark's on the same crane.
+    /// Residual vibration of the tip over the benchmark's on the same crane.
     pub vibration_over_benchmark: Percentiles,
-    /// Its motor ripple at rest.
+    /// Motor ripple at rest.
     pub motor_ripple_rpm: Percentiles,
-    /// Its motor slew, the root mean square over each course.
+    /// RMS motor slew over each course.
     pub motor_slew_rpm_per_s: Percentiles,
-    /// Control periods of all cranes in which it could compute no command, and took one of before.
+    /// Control periods of all cranes without a solution, in which an earlier command was repeated.
     pub periods_without_solution: u64,
-    /// What it comes to over the scheduled LQR on the same crane, where that is one of the controllers.
+    /// Ratios to the scheduled LQR on the same crane, if that is one of the controllers.
     pub over_scheduled_lqr: Option<OverLqr>,
-    /// Cranes on which it was in sustained oscillation.
+    /// Number of cranes in sustained oscillation.
     pub oscillating: usize,
-    /// Cranes that it did not lead to the end of the course.
+    /// Number of cranes that did not finish the course.
     pub unfinished: usize,
-    /// Share of cranes on which its true RMS is smaller.
+    /// Share of cranes with a smaller RMS true error than the benchmark's.
     pub better_percent: f64,
 }
 
-/// A controller over the scheduled LQR on the same crane, along one course over the whole family.
+/// Ratios of a controller to the scheduled LQR on the same crane, along one course over the whole family.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct OverLqr {
-    /// RMS tracking error of the true piston.
+    /// RMS true tracking error.
     pub rms_true: Percentiles,
-    /// Cranes on which that is smaller.
+    /// Number of cranes on which it is smaller.
     pub less_on: usize,
-    /// RMS tracking error as measured.
+    /// RMS measured tracking error.
     pub rms_measured: Percentiles,
     /// Motor slew.
     pub motor_slew: Percentiles,
 }
 
-/// The family in numbers: every controller along every course; none where the benchmark is not one of them.
+/// Rows of a family, one per controller and course; none if the benchmark is not one of the controllers.
 pub fn rows(
     controllers: &[ControllerChoice],
     courses: &[String],
@@ -489,7 +492,8 @@ mod tests {
         }
     }
 
-    /// It is the same crane, but for what is varied beyond, and that depends on seed and number alone.
+    /// A widened member equals the member except in the further variations, which depend on seed and number
+    /// only.
     #[test]
     fn a_widened_member_is_the_member_with_further_variations() {
         let nominal = Description::uia_virtual().unwrap();
@@ -524,7 +528,7 @@ mod tests {
         assert_eq!(delays, [true; 3]);
     }
 
-    /// On one core a group goes along all courses before the next one begins.
+    /// On one core a group completes all courses before the next group begins.
     #[test]
     fn cranes_of_an_interrupted_family_have_gone_all_the_way() {
         let model = Description::uia_single_boom().unwrap();
@@ -566,7 +570,7 @@ mod tests {
             unstable: false,
         };
         let nominal = Description::uia_virtual().unwrap();
-        // the second crane is ten times as hard for all of them
+        // all controllers have ten times the error on the second crane
         let results: Vec<_> = [1.0, 10.0]
             .iter()
             .enumerate()

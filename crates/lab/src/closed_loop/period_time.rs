@@ -1,4 +1,4 @@
-//! Time that a controller takes for a control period on this machine.
+//! Execution time of a control period on this computer.
 
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
@@ -15,10 +15,11 @@ use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
 use std::time::Instant;
 
-/// Time of a control period: estimator and law, without what is simulated beside the machine.
+/// Execution time of a control period: estimator and control law, without the simulation beside the
+/// machine.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PeriodTime {
-    /// The controller.
+    /// Controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
     /// Median over the periods of a course.
@@ -27,7 +28,7 @@ pub struct PeriodTime {
     pub percentile_99_9_us: f64,
 }
 
-/// A controller that keeps the time \[us\] of every period.
+/// Controller that records the execution time of every period \[us\].
 struct Timed {
     controller: Box<dyn Controller>,
     times: Vec<f64>,
@@ -55,11 +56,12 @@ impl Controller for Timed {
     }
 }
 
-/// Times of controllers along a course on one crane, one run after the other; of each period the least of so many runs counts, since others use the machine, too.
+/// Execution times of controllers along a course on one crane, run one after the other. Each period counts
+/// with its minimum over the runs, which excludes the load by other programs.
 ///
 /// # Errors
 ///
-/// [`LabError`] when crane or controller cannot be built, or the crane leaves what the model holds for.
+/// [`LabError`] if crane or controller cannot be built, or the state leaves the model's range of validity.
 pub fn period_times(
     model: &Description,
     crane: &Description,
@@ -83,7 +85,7 @@ pub fn period_times(
         .collect()
 }
 
-/// Times \[us\] of the periods of a run.
+/// Execution times of the periods of a run \[us\].
 fn timed(
     model: &Description,
     crane: &Description,

@@ -1,4 +1,4 @@
-//! What is hard for a controller, and what a reference is worth: trials on the virtual crane, each under several controllers.
+//! Robustness and input-shaping trials on the virtual crane, each under several controllers.
 
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
@@ -15,47 +15,48 @@ use hydroboom_description::Description;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Heaviest load of the trials, over the crane's payload.
+/// Largest payload of the trials, over the crane's payload.
 pub const HEAVIEST: f64 = 1.45;
 
-/// A crane, and a course for it.
+/// Crane with a course.
 pub struct Trial {
-    /// What it is.
+    /// Name of the trial.
     pub name: String,
     crane: Description,
     course: Box<dyn Course>,
 }
 
-/// What a controller did in a trial.
+/// Result of a controller in a trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
-    /// The trial.
+    /// Name of the trial.
     pub trial: String,
-    /// The controller.
+    /// Controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
-    /// Tracking error; no numbers where it could not be finished.
+    /// Tracking error; NaN if it could not be finished.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// What the course cost and left.
+    /// Effort and vibration.
     #[serde(flatten)]
     pub effort: Effort,
     /// Whether it was in sustained oscillation at rest, or could not be finished.
     pub unstable: bool,
-    /// The contrary, as the other commands name it.
+    /// Negation of `unstable`, under the name that the other commands use.
     pub stable: bool,
-    /// Whether the loops that the controller steers through are stable around the crane, linearised; none where that is not known, as of baselines whose gains are not
-    /// the benchmark's.
+    /// Whether the linearised closed loops of the controller on the crane are stable. None if unknown, as
+    /// for baselines other than a retuned benchmark.
     pub has_stable_loops: Option<bool>,
-    /// That oscillation, where it could be finished.
+    /// Sustained oscillation, if any, of a finished run.
     pub sustained_oscillation: Option<SustainedOscillation>,
 }
 
-/// What is hard: delays, noise, friction, limits, loads that change in motion. Around a virtual crane, for which the controllers know the model only.
+/// Robustness trials: delays, noise, friction, limits, and load changes in motion, on a virtual crane. The
+/// controllers use the model only.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be changed so.
+/// [`LabError`] if a crane cannot be changed accordingly.
 pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>, LabError> {
     let n = &crane.numbers;
     let fast = CourseChoice::Motion(model.numbers.fast);
@@ -131,7 +132,7 @@ pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>
     .collect()
 }
 
-/// A course of which a controller knows the set point of now alone, as of a joystick.
+/// Course without preview, as from a joystick: the controller knows past and present set points only.
 struct Joystick(Box<dyn Course>);
 
 impl Trajectory for Joystick {
@@ -158,7 +159,7 @@ impl Course for Joystick {
     }
 }
 
-/// A motion under a name of its own.
+/// Motion with its own name.
 struct Named<P> {
     name: String,
     path: P,
@@ -182,12 +183,12 @@ impl<P: Trajectory> Course for Named<P> {
     }
 }
 
-/// What a reference is worth: the published trapezoid, S-curves of the same ramp, and both shapers, which know the model's lowest mode with a
-/// locked cylinder.
+/// Input-shaping trials: the published trapezoid, S-curves with the same ramp, and both input shapers for
+/// the model's lowest mode at locked cylinder.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the model has no such mode.
+/// [`LabError`] if the model has no such mode.
 pub fn shaping(model: &Description, crane: &Description) -> Result<Vec<Trial>, LabError> {
     let middle = 0.5 * (model.numbers.motion_start + model.numbers.motion_end);
     let mode = locked_mode(model, middle)?;
@@ -216,17 +217,18 @@ fn named<P: Trajectory + 'static>(path: P) -> Box<dyn Course> {
 }
 
 impl Outcome {
-    /// Name of its controller, with a mark where a loop is unstable, or the run was in sustained oscillation or could not be finished.
+    /// Name of the controller, marked if a loop is unstable, or the run was in sustained oscillation or
+    /// could not be finished.
     pub fn marked_name(&self) -> String {
         format!("{}{}", self.controller.name(), if self.is_marked() { UNSTABLE_MARK } else { "" })
     }
 
-    /// Whether it bears that mark.
+    /// Whether the name is marked.
     pub fn is_marked(&self) -> bool {
         !self.stable || self.has_stable_loops == Some(false)
     }
 
-    /// What is to be said where it did not come to rest: nothing where it did.
+    /// Note on a run that did not come to rest; empty otherwise.
     pub fn verdict(&self) -> String {
         let stability = match (self.stable, self.sustained_oscillation) {
             (true, _) => String::new(),
@@ -240,14 +242,14 @@ impl Outcome {
     }
 }
 
-/// Runs trials under controllers that know the model only, on all cores; `progress` is told of each that is done.
+/// Runs trials under controllers that use the model only, on all cores; `progress` is called after each.
 pub fn run(
     model: &Description,
     trials: &[Trial],
     controllers: &[ControllerChoice],
     progress: &(dyn Fn() + Sync),
 ) -> Vec<Outcome> {
-    // many trials have the same crane
+    // many trials share a crane
     let is_same =
         |a: &Description, b: &Description| a.numbers == b.numbers && a.choices == b.choices;
     let mut cranes: Vec<&Description> = Vec::new();
@@ -302,7 +304,8 @@ mod tests {
     use super::*;
     use hydroboom_control::strategy::Strategy;
 
-    /// A short course on the light crane that the published gains are unstable around: its row says so, whether the run oscillated or not.
+    /// A short course on a light crane whose loop is unstable with the published gains. Its row is marked,
+    /// whether the run oscillated or not.
     #[test]
     fn a_row_of_an_unstable_loop_bears_a_mark() {
         let model = Description::uia_single_boom().unwrap();

@@ -1,4 +1,4 @@
-//! A control period of a closed loop, for whoever looks on.
+//! Record of one control period of a closed loop, for observers.
 
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
@@ -10,27 +10,27 @@ use hydroboom_virtual_crane::Truth;
 pub struct Sample {
     /// Time \[s\].
     pub time: f64,
-    /// Where the piston should be.
+    /// Set point of the piston.
     pub reference: SetPoint<f64>,
-    /// What was measured of the plant.
+    /// Measured signals of the plant.
     pub signals: AxisSignals<f64>,
-    /// Whether another payload was hung on at this time.
+    /// Whether the payload changed at this time.
     pub load_changed: bool,
-    /// The plant itself.
+    /// True state of the plant.
     pub truth: Truth,
-    /// The command for the next period.
+    /// Command for the next period.
     pub command: AxisCommand<f64>,
-    /// Control periods so far in which the controller could compute no command, and took one of before.
+    /// Control periods so far without a solution, in which an earlier command was repeated.
     pub periods_without_solution: u64,
 }
 
 impl Sample {
-    /// Tracking error x − x_ref \[m\], as the controller sees it.
+    /// Measured tracking error x − x_ref \[m\].
     pub fn error(&self) -> f64 {
         self.signals.stroke - self.reference.position
     }
 
-    /// True tracking error x − x_ref \[m\], of the piston itself.
+    /// True tracking error x − x_ref \[m\].
     pub fn true_error(&self) -> f64 {
         self.truth.outputs.stroke - self.reference.position
     }

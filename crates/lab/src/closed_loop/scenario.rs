@@ -1,4 +1,4 @@
-//! What cranes do all day: courses of the piston, and loads that change under way (section 6.3).
+//! Test scenarios: courses of the piston with load changes (section 6.3).
 
 use crate::LabError;
 use hydroboom_control::reference::profile::{OutAndBack, PointToPoint, RampShape, SetPoint};
@@ -6,15 +6,16 @@ use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// A path with a name, and what happens to the load on the way.
+/// Trajectory with a name and load changes.
 pub trait Course: Trajectory {
-    /// Name, in tables and messages.
+    /// Name in tables and messages.
     fn name(&self) -> String;
-    /// Changes of the payload on the way, in the order of their times.
+    /// Changes of the payload in the order of their times.
     fn loads(&self) -> &[Load] {
         &[]
     }
-    /// Whether controllers know it ahead; where not, as with a joystick, they know the set point of now and those before it.
+    /// Whether the controllers have a preview. Without one, as with a joystick, they know past and present
+    /// set points only.
     fn is_known_ahead(&self) -> bool {
         true
     }
@@ -31,17 +32,16 @@ impl Course for OutAndBack<f64> {
     }
 }
 
-/// From a time on, another payload.
+/// Payload from a given time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// Time \[s\].
     pub time: f64,
-    /// Mass \[kg\].
+    /// Mass of the payload \[kg\].
     pub mass: f64,
 }
 
-/// The payload to be hung on by a time \[s\], if it changes then; what is left are the
-/// later ones.
+/// Payload that applies from a time \[s\], if it changes by then. `loads` keeps the later changes.
 pub fn due(loads: &mut &[Load], time: f64) -> Option<f64> {
     let count = loads.iter().take_while(|load| load.time <= time).count();
     let (now, later) = loads.split_at(count);
@@ -49,22 +49,22 @@ pub fn due(loads: &mut &[Load], time: f64) -> Option<f64> {
     now.last().map(|load| load.mass)
 }
 
-/// One move of a scenario.
+/// Move of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Leg {
     begin: f64,
     from: f64,
-    /// +1 out, −1 in.
+    /// Direction: +1 outwards, −1 inwards.
     sign: f64,
     way: PointToPoint<f64>,
 }
 
-/// A named course.
+/// Course with a name and a meaning.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// Name at the command line.
     pub name: &'static str,
-    /// What it stands for.
+    /// Description of the situation.
     pub meaning: &'static str,
     start: f64,
     legs: Vec<Leg>,
@@ -72,12 +72,12 @@ pub struct Scenario {
     duration: f64,
 }
 
-/// A scenario in short.
+/// Summary of a scenario.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outline {
     /// Name at the command line.
     pub name: &'static str,
-    /// What it stands for.
+    /// Description of the situation.
     pub meaning: &'static str,
     /// Number of moves.
     pub moves: usize,
@@ -112,14 +112,14 @@ impl Scenario {
         self
     }
 
-    /// Another payload in the middle of the last move.
+    /// Payload change in the middle of the last move.
     fn load_on_the_way(mut self, mass: f64) -> Self {
         let middle = self.legs.last().map(|leg| leg.begin + 0.5 * leg.way.duration());
         self.loads.extend(middle.map(|time| Load { time, mass }));
         self
     }
 
-    /// The scenario in short.
+    /// Summary of the scenario.
     pub fn outline(&self) -> Outline {
         Outline {
             name: self.name,
@@ -162,21 +162,21 @@ impl Course for Scenario {
     }
 }
 
-/// Which course a crane shall take.
+/// Selection of a crane's course.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CourseChoice {
-    /// The crane file's motion at a speed \[m/s\].
+    /// Motion of the crane file at a speed \[m/s\].
     Motion(f64),
-    /// The scenario of this name.
+    /// Scenario of this name.
     Scenario(String),
 }
 
 impl CourseChoice {
-    /// The course of a crane.
+    /// Course for a crane.
     ///
     /// # Errors
     ///
-    /// [`LabError::Scenario`] when there is none of that name.
+    /// [`LabError::Scenario`] if there is none of that name.
     pub fn of(&self, crane: &Description) -> Result<Box<dyn Course>, LabError> {
         match self {
             Self::Motion(speed) => Ok(Box::new(crane.motion(*speed))),
@@ -193,7 +193,7 @@ impl CourseChoice {
     }
 }
 
-/// All scenarios of a crane, within its own stroke, speeds and payload.
+/// All scenarios of a crane, within its stroke, speeds and payload.
 pub fn scenarios(crane: &Description) -> Vec<Scenario> {
     let n = &crane.numbers;
     let motion = crane.motion(n.fast);
@@ -247,7 +247,7 @@ pub fn scenarios(crane: &Description) -> Vec<Scenario> {
     }
     let reversal = reversal.rest(3.0);
 
-    // a third faster than the motor can
+    // a third faster than the largest motor speed allows
     let piston_area = crane.cylinder().piston_area;
     let fastest = n.motor_speed * n.displacement / piston_area;
     let saturation = Scenario::new("saturation", "asks for a third more than the motor can", start)
@@ -309,7 +309,7 @@ mod tests {
                 let now = scenario.reference(time);
                 let mean = 0.5 * (now.velocity + before.velocity);
                 let gap = (now.position - before.position - mean * step).abs();
-                // the ramps' corners: a m/s² over a step
+                // at the corners of the ramps the gap is a velocity step over one period
                 assert!(gap < 2e-4, "{}: {gap} m at {time} s", scenario.name);
                 assert!((0.0..=crane.numbers.stroke).contains(&now.position), "{}", scenario.name);
                 assert!(now.velocity.abs() <= scenario.speed() * (1.0 + 1e-9));

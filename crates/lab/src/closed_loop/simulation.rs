@@ -1,4 +1,4 @@
-//! A strategy, or what it is compared with, at work on virtual cranes, one by one or side by side.
+//! Closed-loop simulation of strategies and baselines on virtual cranes, one by one or vectorised.
 
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
@@ -14,25 +14,25 @@ use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::known_delay;
 use hydroboom_virtual_crane::{Fleet, VirtualCrane};
 
-/// Cranes that are simulated side by side.
+/// Number of cranes that are simulated together.
 pub const WIDTH: usize = 4;
 
-/// A controller with its preview of the reference, and the simulated crane if it uses one.
+/// Controller with its preview of the reference, and the simulated crane if it uses one.
 pub(crate) struct Loop<C: ?Sized = dyn Controller> {
-    /// The controller.
+    /// Controller.
     pub controller: Box<C>,
     preview: Preview<f64>,
     simulated: Option<SimulatedCrane>,
 }
 
-/// A control period of a course.
+/// Control period of a course.
 #[derive(Clone, Copy)]
 pub(crate) struct Now<'a> {
-    /// The course.
+    /// Course.
     pub course: &'a dyn Course,
     /// Control period \[s\].
     pub period: f64,
-    /// Its number.
+    /// Number of the period, from 0.
     pub number: u64,
 }
 
@@ -42,7 +42,8 @@ impl Now<'_> {
         self.number as f64 * self.period
     }
 
-    /// Set point so long \[s\] after now; a whole number of control periods later, the very one of then.
+    /// Set point at a time `after` \[s\] from now. For a whole number of periods it is bit-identical to
+    /// that period's own set point.
     fn set_point(&self, after: f64) -> SetPoint<f64> {
         let periods = after / self.period;
         let whole = periods.round();
@@ -54,8 +55,8 @@ impl Now<'_> {
 }
 
 impl<C: Controller + ?Sized> Loop<C> {
-    /// Begins with a machine at rest, at the beginning of a course. The fieldbus delays measurement and command by so many cycles each, as far as the controller
-    /// knows.
+    /// Starts with a machine at rest at the start of a course. The delays of measurement and command by the
+    /// fieldbus \[cycles\] are those known to the controller.
     pub(crate) fn start(
         model: &Description,
         mut controller: Box<C>,
@@ -76,7 +77,7 @@ impl<C: Controller + ?Sized> Loop<C> {
         Ok(Self { controller, preview, simulated })
     }
 
-    /// The command for the coming period; the simulated crane moves on by it.
+    /// Computes the command for the coming period and advances the simulated crane by it.
     pub(crate) fn command(
         &mut self,
         now: Now<'_>,
@@ -98,7 +99,7 @@ impl<C: Controller + ?Sized> Loop<C> {
     }
 }
 
-/// A loop of a choice of controller, which knows of the machine's fieldbus what its own crane file says.
+/// Loop with the selected controller, which takes the fieldbus delay from its own crane file.
 fn chosen(
     model: &Description,
     choice: ControllerChoice,
@@ -108,13 +109,13 @@ fn chosen(
     Loop::start(model, choice.controller(model)?, known_delay(model), course, measurement)
 }
 
-/// One controller on one crane along a course, each control period shown to `observe`, which may stop
-/// it.
+/// Simulates one controller on one crane along a course. `observe` receives each control period and may
+/// stop the run.
 ///
 /// # Errors
 ///
-/// [`LabError`] when either crane cannot be built or leaves what the model holds for, or from
-/// `observe`.
+/// [`LabError`] if either crane cannot be built or its state leaves the model's range of validity, or an
+/// error of `observe`.
 pub fn simulate_closed_loop(
     model: &Description,
     crane: &Description,
@@ -158,18 +159,18 @@ pub fn simulate_closed_loop(
     Ok(())
 }
 
-/// A crane under a controller along a course.
+/// Crane, controller and course.
 #[derive(Clone, Copy)]
 pub struct Case<'a> {
-    /// The crane.
+    /// Crane.
     pub crane: &'a Description,
-    /// The controller.
+    /// Controller.
     pub controller: ControllerChoice,
-    /// The course; all that run together have the same reference, and each its own loads.
+    /// Course. Cases that run together share the reference and have their own load changes.
     pub course: &'a (dyn Course + 'a),
 }
 
-/// Closed loops of any number of cases, [`WIDTH`] of them side by side at a time; how each ended.
+/// Simulates any number of cases, [`WIDTH`] at a time, and returns how each ended.
 pub fn simulate_cases(
     model: &Description,
     cases: &[Case<'_>],
@@ -195,8 +196,8 @@ pub fn simulate_cases(
     ends
 }
 
-/// Closed loops side by side, each control period of each shown to `observe`; how each ended. They
-/// do what each would do alone, which is also how they are run if they are of different make.
+/// Simulates [`WIDTH`] closed loops together. `observe` receives each control period of each. The results
+/// equal those of single runs; cases that cannot be vectorised are run singly. Returns how each ended.
 pub fn simulate_side_by_side(
     model: &Description,
     cases: &[Case<'_>; WIDTH],
@@ -217,7 +218,7 @@ pub fn simulate_side_by_side(
     }
 }
 
-/// How each ended; none where they cannot be run side by side.
+/// How each case ended; none if they cannot be vectorised together.
 fn side_by_side(
     model: &Description,
     cases: &[Case<'_>; WIDTH],
@@ -226,7 +227,7 @@ fn side_by_side(
     let begins = cases.map(|lane| lane.course.reference(0.0).position);
     let cranes = cases.each_ref().map(|lane| lane.crane.clone());
     let starts = std::array::from_fn(|lane| cranes[lane].start(begins[lane]));
-    // what is wrong with one of them is said where it is run alone
+    // an error of one of them is reported by its single run
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
     let mut loops = Vec::with_capacity(WIDTH);
     for (k, case) in cases.iter().enumerate() {
@@ -308,10 +309,10 @@ mod tests {
     use hydroboom_control::reference::trajectory::Trajectory;
     use hydroboom_control::strategy::Strategy;
 
-    /// What is commanded by a time does not depend on what comes later.
+    /// Without preview, commands do not depend on later set points.
     #[test]
     fn a_course_that_is_not_known_ahead_is_followed_without_looking_ahead() {
-        /// Rests, and then goes out at 0.1 m/s where it is the one that goes.
+        /// Rests at first; then moves outwards at 0.1 m/s if `goes` is set.
         struct Joystick {
             goes: bool,
             is_known_ahead: bool,
@@ -355,7 +356,7 @@ mod tests {
         assert_ne!(commands(true, true)[..500], goes[..500]);
     }
 
-    /// Courses of other shape and duration, each begun, led and ended as it is alone.
+    /// Courses of different shape and duration give the same results together as alone.
     #[test]
     fn each_crane_side_by_side_goes_its_own_course() {
         let model = Description::uia_single_boom().unwrap();

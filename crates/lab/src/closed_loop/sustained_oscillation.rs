@@ -1,4 +1,4 @@
-//! Sustained oscillation over a course, and after its end where it may have begun there.
+//! Sustained oscillation during a course, and after its end if it may have begun there.
 
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
@@ -10,10 +10,10 @@ use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 
-/// Time for which a crane that may oscillate is controlled beyond the end of its course \[s\].
+/// Time for which a crane that may oscillate is simulated beyond the end of its course \[s\].
 const LONGER: f64 = 5.0;
 
-/// A course, and a rest at its end.
+/// Course with a rest appended.
 struct WithRest<'a>(&'a dyn Course);
 
 impl Trajectory for WithRest<'_> {
@@ -40,12 +40,12 @@ impl Course for WithRest<'_> {
     }
 }
 
-/// The sustained oscillation that a crane, which followed a course with the given metrics, was in while its reference rested.
-/// Where one may have begun as the course ends, the course is simulated once more and held for five seconds longer.
+/// Sustained oscillation of a crane while its reference rested, given the metrics of its course. If one may
+/// have begun at the end of the course, the course is repeated with five seconds of rest appended.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be held so long: it leaves what the model holds for.
+/// [`LabError`] if the state leaves the model's range of validity during that rest.
 pub fn sustained_oscillation(
     model: &Description,
     crane: &Description,
@@ -66,7 +66,7 @@ pub fn sustained_oscillation(
     Ok(metrics.sustained_oscillation(&limits))
 }
 
-/// Whether it was in one, or cannot be held.
+/// Whether there was a sustained oscillation, or the rest could not be simulated.
 pub fn has_sustained_oscillation(
     model: &Description,
     crane: &Description,
@@ -84,7 +84,8 @@ mod tests {
     use crate::closed_loop::monte_carlo::member;
     use hydroboom_control::strategy::Strategy;
 
-    /// One score that ends in a swing of 3 mm, for two cranes: the one on soft oil, that the benchmark does swing on, and one that it does not.
+    /// The same metrics, which end in an oscillation of 3 mm, for two cranes. The crane on soft oil
+    /// oscillates under the benchmark controller, the other one does not.
     #[test]
     fn what_swings_at_the_end_rings_on_only_where_it_never_comes_to_rest() {
         let model = Description::uia_single_boom().unwrap();

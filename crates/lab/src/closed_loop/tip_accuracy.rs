@@ -1,7 +1,10 @@
-//! Accuracy of the estimated tip on virtual cranes, unsurveyed and after a survey of each, beside rivals.
+//! Accuracy of the estimated tip position on virtual cranes, without and with a survey of each crane,
+//! compared with other methods.
 //!
-//! The estimator knows the model's crane file and, after a survey, the numbers fitted to it. It looks on in closed loop; the truth is the virtual crane's, at the time
-//! of the measurement. Errors are those of the tip's height over the whole course: their mean (bias) and RMS about that.
+//! The estimator uses the model's crane file and, after a survey, the parameters fitted to it. It runs
+//! beside the controller in closed loop. The truth is the virtual crane's state at the time of the
+//! measurement. Errors are those of the tip's height over the whole course: mean error (bias) and RMS about
+//! it.
 
 use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::monte_carlo::{Member, Percentiles, member, widened};
@@ -30,30 +33,30 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Time between two instants at which errors are taken \[s\].
+/// Interval between two evaluations of the errors \[s\].
 const INSTANT: f64 = 0.01;
-/// Surveys that are drawn a crane, for what a survey's noise leaves.
+/// Simulated surveys per crane, for the effect of the survey's noise.
 const DRAWS: usize = 200;
-/// Piston positions of the published model's table.
+/// Number of piston positions in the table of the published model.
 const TABLE: usize = 17;
 
-/// How the tip is found.
+/// Method for the position of the tip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// A rigid boom at the measured piston position.
+    /// Rigid boom at the measured piston position.
     Rigid,
-    /// The crane file's model at rest, its piston and payload as estimated.
+    /// Model of the crane file at rest with estimated piston position and payload.
     Published,
-    /// (a) The tip's estimator, nothing surveyed.
+    /// (a) Tip estimator without a survey.
     Unsurveyed,
-    /// The rival: a map of four numbers from stroke and payload, fitted to the same survey.
+    /// Baseline: regression of four coefficients on stroke and payload, fitted to the same survey.
     Map,
-    /// (b) The tip's estimator after the survey.
+    /// (b) Tip estimator after the survey.
     Surveyed,
 }
 
 impl Method {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 5] =
         [Self::Rigid, Self::Published, Self::Unsurveyed, Self::Map, Self::Surveyed];
 
@@ -69,13 +72,13 @@ impl Method {
     }
 }
 
-/// Errors of one method on one crane, in mm.
+/// Errors of one method on one crane \[mm\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Errors {
     count: f64,
     sum: f64,
     squares: f64,
-    /// Instants within two standard deviations, and sum of these.
+    /// Number of instants within two standard deviations, and sum of the standard deviations.
     within: f64,
     deviations: f64,
 }
@@ -99,10 +102,10 @@ impl Errors {
     }
 }
 
-/// One method over the family.
+/// Results of one method over the family.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodRow {
-    /// The method.
+    /// Name of the method.
     pub method: &'static str,
     /// Magnitude of the mean error.
     pub bias_mm: Percentiles,
@@ -110,13 +113,13 @@ pub struct MethodRow {
     pub rms_about_mm: Percentiles,
     /// RMS error.
     pub rms_mm: Percentiles,
-    /// Mean standard deviation that is told; none where none is.
+    /// Mean stated standard deviation; none if the method states none.
     pub deviation_mm: Option<f64>,
-    /// Share of instants within two of these, over all cranes; none where none is told.
+    /// Share of instants within two standard deviations over all cranes; none if the method states none.
     pub coverage_percent: Option<f64>,
 }
 
-/// What a survey's noise leaves, all else exact.
+/// Errors due to the survey's noise alone.
 #[derive(Clone, Debug, Serialize)]
 pub struct NoiseFloor {
     /// Magnitude of the mean error.
@@ -125,40 +128,40 @@ pub struct NoiseFloor {
     pub rms_about_mm: Percentiles,
 }
 
-/// An instant of a course, for a figure.
+/// Instant of a course, for a figure.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct TipInstant {
     /// Time of the measurement.
     pub time_s: f64,
-    /// Height of a rigid boom's tip at the true piston position.
+    /// Height of the tip of a rigid boom at the true piston position.
     pub rigid_y_m: f64,
     /// True height.
     pub true_y_m: f64,
-    /// Estimated height by method, in the order of [`Method::ALL`].
+    /// Estimated height by method in the order of [`Method::ALL`].
     pub estimated_y_m: [f64; Method::ALL.len()],
-    /// Its standard deviation; zero where none is told.
+    /// Its standard deviation; zero if the method states none.
     pub deviation_y_m: [f64; Method::ALL.len()],
 }
 
-/// What was found.
+/// Result of the accuracy study.
 #[derive(Clone, Debug, Serialize)]
 pub struct TipAccuracy {
-    /// Numbers of the cranes that went along.
+    /// Numbers of the cranes that completed the course.
     pub cranes: Vec<u64>,
-    /// Cranes that could not finish; they do not count.
+    /// Cranes that could not complete it; they do not count.
     pub failed: Vec<String>,
-    /// By method.
+    /// Results by method.
     pub methods: Vec<MethodRow>,
-    /// What the survey's noise leaves.
+    /// Errors due to the survey's noise alone.
     pub survey_noise: NoiseFloor,
-    /// Number of the crane whose course is drawn: that of the median RMS error after a survey.
+    /// Number of the crane drawn in the figure: the one of median RMS error after a survey.
     pub drawn: u64,
-    /// Its course.
+    /// Instants of its course.
     #[serde(skip)]
     pub course: Vec<TipInstant>,
 }
 
-/// Cranes and how they are surveyed.
+/// Cranes and their survey.
 #[derive(Clone, Debug)]
 pub struct TipFamily {
     /// Numbers of the cranes.
@@ -171,13 +174,13 @@ pub struct TipFamily {
     pub survey_deviation: f64,
 }
 
-/// Baseline: height that is lost, c_0 + c_1 x + (c_2 + c_3 x) m, by least squares.
+/// Baseline: loss of height, c_0 + c_1 x + (c_2 + c_3 x) m, by least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct HeightMap(Vector4<f64>);
 
 impl HeightMap {
     fn features(load: &TipLoad<f64>) -> Vector4<f64> {
-        // of one size
+        // scaled to similar magnitudes
         let (x, m) = (load.piston * 2.0, load.payload * 3e-3);
         Vector4::new(1.0, x, m, x * m)
     }
@@ -199,7 +202,8 @@ impl HeightMap {
     }
 }
 
-/// Height of the model's tip at rest, over stroke and payload: linear in the payload, interpolated over the stroke.
+/// Height of the model's tip at rest over stroke and payload: linear in the payload, interpolated over the
+/// stroke.
 struct RestTable {
     stroke: f64,
     empty: Vec<f64>,
@@ -232,12 +236,12 @@ impl RestTable {
     }
 }
 
-/// A crane's tip and what is known of it.
+/// Estimators of the tip of one crane.
 struct Known {
     unsurveyed: TipEstimator<f64>,
     surveyed: TipEstimator<f64>,
     map: HeightMap,
-    /// Covariance of the fitted numbers by the survey's noise alone.
+    /// Covariance of the fitted parameters due to the survey's noise alone.
     noise: Matrix3<f64>,
 }
 
@@ -264,7 +268,7 @@ impl Known {
     }
 }
 
-/// What a crane's course tells.
+/// Results of a crane's course.
 #[derive(Clone, Default)]
 struct Run {
     errors: [Errors; Method::ALL.len()],
@@ -272,7 +276,8 @@ struct Run {
     course: Vec<TipInstant>,
 }
 
-/// Sums of the height's slopes by the fitted numbers along a course, and of their products.
+/// Sums of the derivatives of the height with respect to the fitted parameters along a course, and of their
+/// products.
 #[derive(Clone, Copy, Debug, Default)]
 struct SlopeMoments {
     count: f64,
@@ -287,16 +292,16 @@ impl SlopeMoments {
         self.products += slopes * slopes.transpose();
     }
 
-    /// Bias and RMS about it \[m\] that errors of the fitted numbers leave.
+    /// Bias and RMS about it \[m\] for given errors of the fitted parameters.
     fn left_by(&self, errors: &Vector3<f64>) -> (f64, f64) {
         let bias = self.sum.dot(errors) / self.count;
         let square = errors.dot(&(self.products * errors)) / self.count;
         (bias, (square - bias * bias).max(0.0).sqrt())
     }
 
-    /// The same of [`DRAWS`] surveys with noise of a covariance.
+    /// The same for [`DRAWS`] surveys with noise of a given covariance.
     fn left_by_noise(&self, noise: &Matrix3<f64>, random: &mut Pcg64Mcg) -> Vec<(f64, f64)> {
-        // scaled, since the numbers are of any size
+        // scaled, because the parameters have different magnitudes
         let scale = Vector3::from_fn(|i, _| noise[(i, i)].sqrt().max(f64::MIN_POSITIVE));
         let scaled = Matrix3::from_fn(|i, j| noise[(i, j)] / (scale[i] * scale[j]));
         let eigen = scaled.symmetric_eigen();
@@ -318,7 +323,7 @@ impl NoiseFloor {
         }
     }
 
-    /// What the noise of a survey leaves along the fast motion of the crane of a description, with its payload.
+    /// Errors due to a survey's noise along the fast motion of a description with its payload.
     pub fn of_survey(fit: &SurveyFit, description: &Description, seed: u64) -> Self {
         let n = &description.numbers;
         let motion = description.motion(n.fast);
@@ -357,7 +362,7 @@ impl Observer<'_> {
         }
         self.command = sample.command.motor_speed;
         self.past.push_back(*sample);
-        // what is measured before the first measurement has arrived is that of the start
+        // the estimator has no measurement before the delay has passed
         if self.past.len() <= self.delay {
             return;
         }
@@ -372,7 +377,7 @@ impl Observer<'_> {
         let (filter, known) = (&estimated.filter, self.known);
         let model = &self.controller.estimator().filter.model;
         let payload = self.memory.payload;
-        // the rivals have the same payload
+        // the other methods use the same payload
         let load = TipLoad { payload, ..TipLoad::of(model, &filter.estimate) };
         let outputs = &measured.truth.outputs;
         let found = Method::ALL.map(|method| {
@@ -403,11 +408,12 @@ impl Observer<'_> {
     }
 }
 
-/// Surveys cranes of a family, each by itself, and runs the tip's estimator beside a controller along a course. `go_on` is told the share done and says whether to.
+/// Surveys each crane of a family and runs the tip estimator beside a controller along a course. `go_on`
+/// receives the share done and returns whether to continue.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built or surveyed, or an estimator not be designed for the model.
+/// [`LabError`] if a crane cannot be built or surveyed, or the estimator cannot be designed for the model.
 pub fn tip_accuracy(
     model: &Description,
     nominal: &Description,
@@ -534,7 +540,8 @@ mod tests {
     use super::*;
     use hydroboom_control::strategy::Strategy;
 
-    /// Cranes that nothing was tuned on, of differing stiffness: bounds cover, and the survey brings what its noise allows.
+    /// Cranes of varying stiffness that were not used for tuning. The bounds have their coverage, and the
+    /// survey reduces the error to what its noise allows.
     #[test]
     fn bounds_cover_and_a_survey_counts_on_fresh_cranes() {
         let model = Description::uia_single_boom().unwrap();

@@ -1,4 +1,4 @@
-//! The closed-loop cycle under the scheduled LQR, which a machine is identified from.
+//! Closed-loop cycle under the scheduled LQR, from which a machine is identified.
 
 use super::drive_delay::with_drive_delay;
 use super::record::Record;
@@ -13,24 +13,25 @@ use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// A cycle under the scheduled LQR.
+/// Cycle under the scheduled LQR.
 pub(crate) struct Cycle {
-    /// The model with mean payload and transition pressure of the second half, and the drive's lag at the end, as estimated.
+    /// Model with the estimated payload and transition pressure (means over the second half), and the
+    /// estimated drive lag at the end.
     pub estimated: Description,
-    /// What was commanded and read.
+    /// Commands and measurements.
     pub record: Record,
-    /// Its tracking errors.
+    /// Tracking errors.
     pub errors: Errors,
-    /// The machine at the end of the cycle.
+    /// State of the machine at the end of the cycle.
     pub machine: VirtualCrane,
 }
 
 impl Cycle {
-    /// Runs it.
+    /// Runs a cycle.
     ///
     /// # Errors
     ///
-    /// [`LabError`] when model or crane cannot be built, or it is to end.
+    /// [`LabError`] if model or crane cannot be built, or the run is stopped.
     pub(crate) fn run(
         model: &Description,
         crane: &Description,
@@ -72,7 +73,7 @@ impl Cycle {
     }
 }
 
-/// The largest sustained oscillation of tracking errors \[m\], one each period \[s\], while the reference rests.
+/// Largest sustained oscillation of tracking errors \[m\], one per period \[s\], while the reference rests.
 pub(crate) fn oscillation(
     errors: &[f64],
     period: f64,
@@ -94,7 +95,7 @@ mod tests {
     use crate::closed_loop::monte_carlo::member;
     use crate::closed_loop::scenario::CourseChoice;
 
-    /// What is replayed without a reset rests on it.
+    /// Precondition for a replay without reset.
     #[test]
     fn the_same_commands_from_the_same_rest_lead_to_the_same_state() {
         let model = Description::uia_single_boom().unwrap();
@@ -109,8 +110,9 @@ mod tests {
         let [one, other] = [&machine, &another].map(|m| (m.truth().outputs, m.signals()));
         assert_eq!(one, other);
     }
-    /// A cylinder at rest holds any pressure that its friction can. Where the oil is so soft that this is millimetres of oil, a machine that is
-    /// commanded the same again errs by them; where it is stiff, it repeats itself.
+    /// A cylinder at rest can hold any pressure within its friction. With soft oil this corresponds to
+    /// millimetres of compression, by which a repeated cycle deviates. With stiff oil the cycle repeats
+    /// itself.
     #[test]
     fn repeatability_depends_on_the_oils_stiffness_at_rest() {
         let model = Description::uia_single_boom().unwrap();

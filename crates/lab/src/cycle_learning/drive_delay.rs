@@ -1,10 +1,10 @@
-//! Delay of a machine's motor speed, from command to reading: drive and fieldbus.
+//! Delay of a machine's motor speed from command to measurement: drive and fieldbus.
 
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::fieldbus_delay;
 use std::f64::consts::TAU;
 
-/// Delay by the lag of the drive, 2ζ/ω \[s\]; zero where the motor follows at once.
+/// Delay due to the lag of the drive, 2ζ/ω \[s\]; zero for an ideal motor.
 fn lag(model: &Description) -> f64 {
     let n = &model.numbers;
     if n.drive_bandwidth > 0.0 { 2.0 * n.drive_damping / (TAU * n.drive_bandwidth) } else { 0.0 }
@@ -15,12 +15,13 @@ fn drive_delay(model: &Description) -> f64 {
     model.numbers.drive_dead_time + lag(model)
 }
 
-/// Delay from command to reading \[s\].
+/// Delay from command to measurement \[s\].
 pub(crate) fn total_delay(model: &Description) -> f64 {
     drive_delay(model) + fieldbus_delay(model)
 }
 
-/// A model whose drive the crane file describes or, where it does not, delays by what the state estimator knows of it, as dead time.
+/// Model with a drive: the crane file's or, if it describes none, the delay assumed by the state estimator
+/// as dead time.
 pub(crate) fn with_drive(model: &Description) -> Description {
     match drive_delay(model) > 0.0 {
         true => model.clone(),
@@ -28,7 +29,8 @@ pub(crate) fn with_drive(model: &Description) -> Description {
     }
 }
 
-/// A model whose drive delays by so much \[s\]: its lag stays as far as it is not longer, and the rest is dead time.
+/// Model with a total drive delay of `delay` \[s\]. Its lag is kept unless it is longer; the rest is dead
+/// time.
 pub(crate) fn with_drive_delay(model: &Description, delay: f64) -> Description {
     let mut model = model.clone();
     let lag = lag(&model);
@@ -40,7 +42,8 @@ pub(crate) fn with_drive_delay(model: &Description, delay: f64) -> Description {
     told_to_estimator(&model)
 }
 
-/// A model whose drive lags by half of its delay, where the crane file describes none: what a search begins with.
+/// Model whose drive has half of its delay as lag if the crane file describes none: start value of the
+/// search.
 pub(crate) fn half_of_it_lag(model: &Description) -> Description {
     let mut model = model.clone();
     let n = &mut model.numbers;
@@ -51,7 +54,7 @@ pub(crate) fn half_of_it_lag(model: &Description) -> Description {
     model
 }
 
-/// A model whose state estimator knows the drive's delay, within what it identifies by itself.
+/// Model whose state estimator knows the drive's delay, within the range of its own identification.
 pub(crate) fn told_to_estimator(model: &Description) -> Description {
     let mut told = model.clone();
     let tuning = &mut told.numbers.tuning;
@@ -60,7 +63,8 @@ pub(crate) fn told_to_estimator(model: &Description) -> Description {
     told
 }
 
-/// A model whose state estimator takes all the delay from command to reading for the drive's: of a loop without a fieldbus.
+/// Model whose state estimator attributes the whole delay from command to measurement to the drive: for a
+/// loop without a fieldbus.
 pub(crate) fn as_one_lag(model: &Description) -> Description {
     let mut told = model.clone();
     told.numbers.tuning.estimator_drive_lag = total_delay(model);
@@ -79,7 +83,7 @@ mod tests {
         assert_eq!(described.numbers.drive_dead_time, known);
         assert!((drive_delay(&half_of_it_lag(&described)) - known).abs() < 1e-12);
         assert!((total_delay(&described) - known - fieldbus_delay(&model)).abs() < 1e-12);
-        // a lag of 8.5 ms
+        // corresponds to a lag of 8.5 ms
         model.set("drive.bandwidth_hz=30").unwrap();
         for delay in [5e-3, 20e-3] {
             let told = with_drive_delay(&model, delay);

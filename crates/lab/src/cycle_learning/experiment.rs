@@ -1,5 +1,5 @@
-//! The learning experiment: one closed-loop cycle under the scheduled LQR, identification from it, and the tracking errors of feedforward and of iterative
-//! learning control.
+//! Learning experiment: one closed-loop cycle under the scheduled LQR, identification from it, and tracking
+//! errors with feedforward and iterative learning control.
 
 use super::closed_loop_cycle::{Cycle, oscillation};
 use super::drive_delay::with_drive;
@@ -23,29 +23,30 @@ use hydroboom_virtual_crane::{VirtualCrane, surrogate};
 use serde::Serialize;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Cycles of learning after which errors are shown, and after the last one (`learning.cycles`).
+/// Cycles of learning after which errors are reported, besides the last one (`learning.cycles`).
 pub const SHOWN_CYCLES: [usize; 3] = [1, 3, 10];
 
-/// How the motor speed of a cycle is found.
+/// Method that computes the motor speed of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Scheduled LQR with feedback: the cycle that the machine is identified from.
+    /// Scheduled LQR with feedback: the cycle from which the machine is identified.
     ClosedLoop,
-    /// Feedforward from the model as described.
+    /// Feedforward from the model of the crane file.
     NominalModel,
-    /// Feedforward from the model with the state estimator's payload and transition pressure (means over the second half of the cycle) and drive lag (at its end).
+    /// Feedforward from the model with the state estimator's results: payload and transition pressure
+    /// (means over the second half of the cycle) and drive lag (at its end).
     OnLineEstimates,
-    /// Feedforward from the model that is identified from the whole cycle.
+    /// Feedforward from the model identified from the whole cycle.
     IdentifiedModel,
-    /// Commands of the closed-loop cycle, corrected by iterative learning control.
+    /// Commands of the closed-loop cycle corrected by iterative learning control.
     IterativeLearning,
-    /// The very motor speed of the closed-loop cycle.
+    /// Repetition of the closed-loop cycle's motor speed.
     Replay,
 }
 
 impl Method {
-    /// Its name in tables.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::ClosedLoop => "closed loop (scheduled LQR)",
@@ -58,55 +59,59 @@ impl Method {
     }
 }
 
-/// What a cycle comes to by one method.
+/// Tracking error of a cycle with one method.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodError {
-    /// The method.
+    /// Method.
     pub method: Method,
-    /// Cycles of learning; none of other methods.
+    /// Number of learning cycles; none for other methods.
     pub cycles: Option<usize>,
-    /// Whether the machine begins at the rest that the first cycle began from; otherwise the oil's state is what the cycle before has left.
+    /// Whether the cycle starts from the same rest as the first one. Otherwise it starts from the state of
+    /// the oil that the previous cycle left.
     pub reset: bool,
-    /// RMS tracking error, true; none where the cycle could not be run.
+    /// RMS true tracking error; none if the cycle could not be run.
     pub rms_true_mm: Option<f64>,
-    /// RMS tracking error as measured.
+    /// RMS measured tracking error.
     pub rms_measured_mm: Option<f64>,
 }
 
-/// What a cycle of one course tells of one machine.
+/// Results of one course on one machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct CycleReport {
     /// Name of the machine.
     pub crane: String,
-    /// The course.
+    /// Name of the course.
     pub course: String,
-    /// Whether it was not ended before all methods were run.
+    /// Whether all methods were run.
     pub whole: bool,
-    /// Whether the closed loop came to rest where its reference rested: not in a sustained oscillation, and not where the cycle could not be run.
+    /// Whether the closed loop came to rest where its reference rested. False for a sustained oscillation,
+    /// and if the cycle could not be run.
     pub stable: bool,
-    /// Whether its loop is stable around the machine, linearised over the stroke; none where it cannot be computed.
+    /// Whether the linearised loop on the machine is stable over the stroke; none if it cannot be computed.
     pub has_stable_loops: Option<bool>,
-    /// That oscillation.
+    /// Sustained oscillation, if any.
     pub sustained_oscillation: Option<SustainedOscillation>,
     /// Tracking errors.
     pub methods: Vec<MethodError>,
-    /// Whether learning converges.
+    /// Convergence of learning.
     pub convergence: Option<Convergence>,
-    /// What was identified, as overrides of the model's crane file.
+    /// Identified parameters as overrides of the model's crane file.
     pub identified: Vec<String>,
-    /// Commands, one a control period, that feedforward from a log's model proposes; none where the machine is not that of a log, or learning would not converge.
+    /// Proposed commands, one per control period, by feedforward from a log's model. None if the machine
+    /// does not come from a log, or learning would not converge.
     #[serde(skip)]
     pub proposal: Option<Vec<AxisCommand<f64>>>,
-    /// What is to be said of it.
+    /// Remarks on the results.
     pub remarks: Vec<String>,
 }
 
-/// One cycle of each course on each crane, then all methods, on all cores. `go_on` is told the share done and says whether to: if not, what is done by
-/// then is all there is, and a report that was begun says that it is not whole.
+/// Runs one cycle of each course on each crane, then all methods, on all cores. `go_on` receives the share
+/// done and returns whether to continue. Otherwise the results so far are returned, and an incomplete
+/// report is marked.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built.
+/// [`LabError`] if a crane cannot be built.
 pub fn learning_experiment(
     model: &Description,
     cranes: &[(String, Description)],
@@ -117,18 +122,18 @@ pub fn learning_experiment(
     reports(model, &each.collect::<Vec<_>>(), courses, go_on)
 }
 
-/// A machine that cycles are run on.
+/// Machine of an experiment.
 #[derive(Clone, Copy)]
 pub(crate) struct Subject<'a> {
-    /// Its name.
+    /// Name.
     pub name: &'a str,
-    /// The virtual crane.
+    /// Virtual crane.
     pub crane: &'a Description,
-    /// What is known of it from a log; otherwise it is identified from the closed-loop cycle.
+    /// Model identified from a log; if none, it is identified from the closed-loop cycle.
     pub identified: Option<&'a Description>,
 }
 
-/// A report of each course on each machine.
+/// Reports of each course on each machine.
 pub(crate) fn reports(
     model: &Description,
     subjects: &[Subject<'_>],
@@ -161,12 +166,13 @@ pub(crate) fn reports(
     as_long_as(&jobs, &|_| all(), one).into_iter().flatten().flat_map(Result::transpose).collect()
 }
 
-/// Runs of machine or model in a report, beside those of learning; the identification counts as [`IDENTIFICATION`] of them.
+/// Number of simulations in a report without those of learning; the identification counts as
+/// [`IDENTIFICATION`] of them.
 const USUAL_RUNS: usize = 44;
-/// Runs that an identification counts as.
+/// Number of simulations that an identification counts as.
 const IDENTIFICATION: f64 = 10.0;
 
-/// What came of a part of the work, or an end to all of it.
+/// Separates the request to stop from other errors.
 fn unless_stopped<T>(found: Result<T, LabError>) -> Result<Result<T, LabError>, LabError> {
     match found {
         Err(LabError::Stopped) => Err(LabError::Stopped),
@@ -175,12 +181,13 @@ fn unless_stopped<T>(found: Result<T, LabError>) -> Result<Result<T, LabError>, 
 }
 
 impl CycleReport {
-    /// Whether the closed loop bears a mark: its loop is unstable, or it was in sustained oscillation or could not be run.
+    /// Whether the closed loop is marked: its loop is unstable, or it was in sustained oscillation or could
+    /// not be run.
     pub fn is_marked(&self) -> bool {
         !self.stable || self.has_stable_loops == Some(false)
     }
 
-    /// All methods on one machine; none where it was stopped before the closed-loop cycle was run.
+    /// All methods on one machine; none if stopped before the closed-loop cycle was complete.
     fn of(
         model: &Description,
         subject: Subject<'_>,
@@ -288,7 +295,7 @@ impl CycleReport {
                 self.convergence = Some(convergence);
             }
         }
-        // from the oil's state that the cycle has left
+        // from the state of the oil after the cycle
         let mut here = machine.clone();
         let stroke = here.signals().stroke;
         let on = feedforward(&identified, course, &record.commands, stroke, stages)
@@ -301,7 +308,7 @@ impl CycleReport {
         Ok(())
     }
 
-    /// Adds what a method comes to.
+    /// Adds the result of a method.
     fn add(&mut self, method: Method, reset: bool, errors: Result<&Errors, &LabError>) {
         if let Err(error) = errors {
             self.remarks.push(format!("{} could not be run: {error}", method.name()));
@@ -325,7 +332,7 @@ impl CycleReport {
         });
     }
 
-    /// Iterative learning control from the closed-loop cycle on.
+    /// Iterative learning control, starting with the closed-loop cycle.
     fn learn(
         &mut self,
         (law, model): (&IterativeLearning, &Description),
@@ -340,7 +347,7 @@ impl CycleReport {
         let last = model.numbers.learning_cycles.round() as usize;
         for cycle in 1..=last {
             let commands = law.corrected(&first.commands, &correction);
-            // before a machine is commanded so, its model is
+            // commands are tested on the model before they are applied to the machine
             let margins = at_rest(&surrogate(model), course)
                 .and_then(|machine| within_margins(model, &commands, machine, course, stages));
             let cycled = margins.and_then(|()| start.replayed(&commands, course, cycle, stages));
@@ -371,14 +378,14 @@ impl CycleReport {
     }
 }
 
-/// Learning is ended where a cycle errs by this many times what the first one did.
+/// Ratio to the first cycle's error above which learning is stopped.
 const DIVERGING: f64 = 2.0;
 
-/// What a cycle of learning begins from.
+/// Initial state of a learning cycle.
 enum Start<'a> {
-    /// A crane of this description at rest where the course begins.
+    /// Crane of this description, at rest at the start of the course.
     Rest(&'a Description),
-    /// The state that the cycle before has left.
+    /// State that the previous cycle left.
     AsLeft(Box<VirtualCrane>),
 }
 
@@ -392,7 +399,7 @@ impl Start<'_> {
     ) -> Result<(Record, Errors), LabError> {
         match self {
             Self::Rest(crane) => {
-                // the same crane, the noise of its sensors drawn anew
+                // the same crane with another realisation of the sensor noise
                 let mut crane = (*crane).clone();
                 crane.numbers.seed += cycle as f64;
                 replayed(commands, &mut at_rest(&crane, course)?, course, stages)
@@ -402,7 +409,7 @@ impl Start<'_> {
     }
 }
 
-/// Overrides that are outside the range that a crane file states.
+/// Overrides outside the range stated in the crane file.
 pub(crate) fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
     let is_outside = |assignment: &&String| {
         let Some((path, text)) = assignment.split_once('=') else { return false };

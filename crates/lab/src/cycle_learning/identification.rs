@@ -1,7 +1,9 @@
-//! Identification of a machine from a cycle or a log: the output-error fit of the crate `identify`, crane and drive in one least-squares problem.
+//! Identification of a machine from a cycle or a log: output-error fit of the crate `identify`, with crane
+//! and drive in one least-squares problem.
 //!
-//! The measured motor speed drives the model, so that the controller in the loop is not in the way: what it commanded reaches the
-//! machine through that speed alone. Where the command is there too, the drive is identified from command and speed.
+//! The measured motor speed is the model's input. The controller does not bias the fit, because its
+//! commands reach the machine through that speed alone. If the command was recorded too, the drive is
+//! identified from command and speed.
 
 use super::drive_delay::{half_of_it_lag, told_to_estimator};
 use super::stages::Stages;
@@ -16,7 +18,8 @@ use hydroboom_measurement::{Measurement, Signal, Signals};
 use hydroboom_virtual_crane::fieldbus_delay;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Keys that the motion of a piston depends on within a cycle: load, friction, oil, pump and its leakage, check valves. Those of the drive come beside them.
+/// Keys that affect the piston's motion in a cycle: load, friction, oil, pump and its leakage, check
+/// valves. The drive's keys are added to them.
 const IDENTIFIED: [&str; 14] = [
     "payload.mass_kg",
     "cylinder.dead_volume_a_l",
@@ -34,31 +37,32 @@ const IDENTIFIED: [&str; 14] = [
     "check_valve.flow_coefficient_m3_s_sqrtpa",
 ];
 
-/// Runs of the model after which a search is two thirds done, as far as progress is told.
+/// Model runs after which a search counts as two thirds done.
 const USUAL_RUNS: f64 = 40.0;
 
-/// Chance with which the keys of a crane of the file are as far from what was known of them, below which they are taken for another crane's.
+/// Probability threshold of the identified keys under the crane file's prior. Below it the log is
+/// attributed to another crane.
 const IMPROBABLE: f64 = 1e-3;
-/// Keys that are named then: the farthest.
+/// Number of most deviating keys named in that case.
 const NAMED: usize = 3;
 
-/// What was identified.
+/// Result of an identification.
 pub(crate) struct Identification {
-    /// The model with friction that holds at rest, the drive that its motor shows, and the pressures that the log began with.
+    /// Model with friction that holds at rest, the identified drive, and the initial pressures of the log.
     pub model: Description,
-    /// What it is right for, by the log itself.
+    /// Range of validity of the model, judged by the log itself.
     pub judged: Vec<Judgement>,
-    /// Why it is hardly the crane of the file; none where the keys are as near to what was known of them as chance has it.
+    /// Reason why the log hardly belongs to the crane of the file; none if the keys agree with the prior.
     pub improbable: Option<String>,
-    /// What is to be said of the log.
+    /// Remarks on the log.
     pub remarks: Vec<String>,
 }
 
-/// A model of the machine that a log was recorded of.
+/// Identifies a model of the machine of a log.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the model cannot be run under the log's motor speed, or it is to end.
+/// [`LabError`] if the model cannot be run with the log's motor speed, or the fit is stopped.
 pub(crate) fn identified(
     model: &Description,
     (log, signals): (&Measurement, &Signals),
@@ -67,7 +71,7 @@ pub(crate) fn identified(
 ) -> Result<Identification, LabError> {
     let mut model = with_positive_start_values(model);
     model.choices.friction = FrictionChoice::LuGre;
-    // a typical fieldbus delays a machine whose file has none
+    // a crane file without a fieldbus delay gets the typical one
     let stated = model.numbers.fieldbus_delay;
     model.numbers.fieldbus_delay = fieldbus_delay(&model) / (2.0 * model.numbers.control_period);
     let is_commanded = [Signal::MotorCommand, Signal::MotorSpeed]
@@ -91,7 +95,8 @@ pub(crate) fn identified(
             "the log has not both commanded and measured motor speed: the drive's delay is taken as it was known".into(),
         ),
     }
-    // all readings of a period come by one bus, and what the position is read as is what is tracked
+    // all measurements of a period share one bus; the tracked position is the measured one, so it has no
+    // offset
     let fixed = [Nuisance::named("delay")?, Nuisance::named("stroke.offset")?].concat();
     let task = Task {
         model: &model,
@@ -116,8 +121,8 @@ pub(crate) fn identified(
     Ok(Identification { model: told_to_estimator(&machine), judged, improbable, remarks })
 }
 
-/// Whether the keys of the crane, taken together, are farther from what was known of them than chance has it: their squares in standard deviations sum to a χ²
-/// of as many degrees of freedom.
+/// Reason why the identified keys together contradict the prior; none if they agree. Their squared
+/// deviations in standard deviations sum to χ² with as many degrees of freedom.
 fn improbable(tuned: &[Tuned]) -> Option<String> {
     let distance = |t: &Tuned| (t.value.1 / t.value.0).ln().abs() / t.prior;
     let mut far: Vec<(String, f64)> = tuned
@@ -142,7 +147,8 @@ fn improbable(tuned: &[Tuned]) -> Option<String> {
     })
 }
 
-/// A model whose identified numbers all can be moved in their logarithm: one that is zero begins in the middle of its range.
+/// Model whose identified numbers are positive, so that their logarithm exists: a zero is replaced by the
+/// middle of its range.
 fn with_positive_start_values(model: &Description) -> Description {
     let mut started = model.clone();
     let mut numbers = started.numbers.to_array();
@@ -156,8 +162,8 @@ fn with_positive_start_values(model: &Description) -> Description {
     started
 }
 
-/// A model that starts from the pressures that are read of a machine at rest, as far as they are. A load that is held when the log begins tells nothing of a start
-/// with an open valve.
+/// Model with initial pressures from the measurements of a machine at rest, as far as they are there. A
+/// load held at the start of the log gives no information on a start with an open valve.
 fn with_measured_pressures(model: &Description, signals: &Signals, begin: f64) -> Description {
     let mut model = model.clone();
     let read = |signal: Signal| {
@@ -173,13 +179,13 @@ fn with_measured_pressures(model: &Description, signals: &Signals, begin: f64) -
     n.working_pressure = read(Signal::PressureAccumulator).unwrap_or(n.working_pressure);
     let above = |signal: Signal| Some(read(signal)? - n.working_pressure);
     if let (Some(held), Some(loaded)) = (above(Signal::PressureA), above(Signal::PressurePumpA)) {
-        // an empty crane may hold no more than the accumulator has
+        // an empty crane may hold less pressure than the accumulator
         n.preload = if held > 0.0 { (loaded / held).clamp(0.0, 1.0) } else { 1.0 };
     }
     model
 }
 
-/// What of a description was identified, as overrides (`--set`) that every command takes.
+/// Identified numbers of a description as overrides (`--set`) for any command.
 pub(crate) fn overrides(model: &Description, identified: &Description) -> Vec<String> {
     let of = |difference: Difference| match difference.there.parse::<f64>() {
         Ok(value) => format!("{}={}", difference.key, six_digits(value)),
@@ -188,7 +194,7 @@ pub(crate) fn overrides(model: &Description, identified: &Description) -> Vec<St
     model.differences(identified).into_iter().map(of).collect()
 }
 
-/// More digits than a log tells.
+/// Six significant digits, more than a log determines.
 fn six_digits(value: f64) -> String {
     match (1e-3..1e6).contains(&value.abs()) {
         true => {
@@ -209,8 +215,9 @@ mod tests {
     use hydroboom_control::command::AxisCommand;
     use std::f64::consts::TAU;
 
-    /// Dead time, bandwidth and damping of a virtual crane's drive, which turns in steps of a quarter of a millisecond, against the load and behind a fieldbus, are
-    /// found from two seconds of commands that jump beyond the slew rate, as measurement noise makes them.
+    /// Dead time, bandwidth and damping of a virtual crane's drive are identified from two seconds of
+    /// commands. The drive runs in steps of 0.25 ms, under load and behind a fieldbus. As with measurement
+    /// noise, the commands step beyond the slew rate.
     #[test]
     fn the_drive_of_a_virtual_crane_is_found() {
         let model = super::super::drive_delay::with_drive(&Description::uia_single_boom().unwrap());
@@ -233,7 +240,7 @@ mod tests {
         let found = identified(&model, (&log, &signals), Window::default(), &stages).unwrap();
         let found = found.model.numbers;
         let lag = |n: &Numbers<f64>| 2.0 * n.drive_damping / (TAU * n.drive_bandwidth);
-        // the model knows of the typical fieldbus, which is the virtual crane's
+        // the model has the typical fieldbus delay, which is the virtual crane's
         assert_eq!(fieldbus_delay(&model), 2.0 * n.fieldbus_delay * n.control_period);
         for (found, there) in [
             (found.drive_bandwidth, n.drive_bandwidth),

@@ -7,14 +7,19 @@
 //! p_{j+1} = (GᵀG + (ρ + μ) I)⁻¹ ((GᵀG + ρ I) p_j − Gᵀ e_j)
 //! ```
 //!
-//! On a machine whose response is G', parameters follow `p_{j+1} = T p_j + …` with `T = N⁻¹ (GᵀG + ρ I − Gᵀ G')`, `N = GᵀG + (ρ + μ) I`. Where the norm
-//! `‖T‖_N`, weighted by N, is below one, cycles that begin from the same state bring the parameters of one machine nearer to where they settle on it; on machines that differ
-//! from cycle to cycle they stay bounded. The error of single cycles may grow. Without a reset the state differs from cycle to cycle, and the condition does not hold.
+//! On a machine with response G' the parameters follow `p_{j+1} = T p_j + …` with `T = N⁻¹ (GᵀG + ρ I − Gᵀ
+//! G')` and `N = GᵀG + (ρ + μ) I`. Suppose that the norm `‖T‖_N`, weighted by N, is below one. Then cycles
+//! from the same initial state contract the parameters to a fixed point on one machine, and keep them
+//! bounded if the machine varies between cycles. The error of single cycles may grow. Without a reset the
+//! initial state varies, and the condition does not apply.
 //!
-//! Sources: N. Amann, D. H. Owens, E. Rogers, *Iterative learning control for discrete-time systems with exponential rate of convergence*, IEE Proc.
-//! Control Theory Appl. 143 (1996) 217-224; S. Gunnarsson, M. Norrlöf, *On the design of ILC algorithms using optimization*, Automatica 37 (2001)
-//! 2011-2016; convergence in lifted form: D. A. Bristow, M. Tharayil, A. G. Alleyne, *A survey of iterative learning control*, IEEE Control Systems 26
-//! (2006) 96-114.
+//! Sources:
+//! N. Amann, D. H. Owens, E. Rogers, *Iterative learning control for discrete-time systems with exponential
+//! rate of convergence*, IEE Proc. Control Theory Appl. 143 (1996) 217-224;
+//! S. Gunnarsson, M. Norrlöf, *On the design of ILC algorithms using optimization*, Automatica 37 (2001)
+//! 2011-2016;
+//! convergence in lifted form: D. A. Bristow, M. Tharayil, A. G. Alleyne, *A survey of iterative learning
+//! control*, IEEE Control Systems 26 (2006) 96-114.
 
 use super::drive_delay::total_delay;
 use crate::LabError;
@@ -30,10 +35,11 @@ use hydroboom_design::scheduled_lqr::known_delay;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use serde::Serialize;
 
-/// Interval in which errors are compared \[s\]: a fortieth of the period of a mode at 2.5 Hz, and far below the interval of a correction's knots.
+/// Sampling interval of the compared errors \[s\]: a fortieth of the period of a mode at 2.5 Hz, and much
+/// shorter than the knot interval of a correction.
 const SAMPLING: f64 = 0.01;
 
-/// Control periods from one compared error to the next.
+/// Control periods per sample of the compared errors.
 fn decimation(period: f64) -> usize {
     (SAMPLING / period).round().max(1.0) as usize
 }
@@ -43,9 +49,9 @@ fn decimation(period: f64) -> usize {
 pub struct Convergence {
     /// On the identified model itself.
     pub model: f64,
-    /// The largest over payload and oil at the corners of their ranges.
+    /// Largest value over the corners of the ranges of payload and oil.
     pub worst: f64,
-    /// Where that is, as overrides.
+    /// Parameters of that corner, as overrides.
     pub worst_case: String,
 }
 
@@ -56,19 +62,20 @@ impl Convergence {
     }
 }
 
-/// The learning law for one model and one course.
+/// Learning law for one model and one course.
 pub(crate) struct IterativeLearning {
-    /// Half the length of the average over the measured error \[s\].
+    /// Half the averaging window of the measured error \[s\].
     average: f64,
     /// Interval of the knots \[s\].
     interval: f64,
     /// Control period \[s\].
     period: f64,
-    /// Known delay of readings, by the fieldbus \[s\]: they are compared with the reference of that time before.
+    /// Measurement delay due to the fieldbus \[s\]. Measurements are compared with the reference of that
+    /// earlier time.
     reading_delay: f64,
     /// Largest motor speed \[rev/s\].
     fastest: f64,
-    /// G \[m/(rev/s)\]: errors by parameters.
+    /// G \[m/(rev/s)\]: derivative of the errors with respect to the parameters.
     response: DMatrix<f64>,
     /// GᵀG + ρ I.
     learned: DMatrix<f64>,
@@ -77,11 +84,11 @@ pub(crate) struct IterativeLearning {
 }
 
 impl IterativeLearning {
-    /// For a model of the machine along a course of so many control periods.
+    /// Learning law for a model of the machine along a course of `periods` control periods.
     ///
     /// # Errors
     ///
-    /// [`LabError`] when the model has no reduced model.
+    /// [`LabError`] if there is no reduced model.
     pub(crate) fn new(
         model: &Description,
         course: &dyn Course,
@@ -110,12 +117,12 @@ impl IterativeLearning {
         Ok(law)
     }
 
-    /// Before the first cycle: nothing is corrected.
+    /// Zero correction, for the first cycle.
     pub(crate) fn no_correction(&self) -> Correction {
         Correction { parameters: DVector::zeros(self.response.ncols()) }
     }
 
-    /// The correction for the next cycle, from that of the last one and what was measured in it.
+    /// Correction for the next cycle from the last one and its measured error.
     pub(crate) fn learn(
         &self,
         last: &Correction,
@@ -126,12 +133,12 @@ impl IterativeLearning {
         Correction { parameters: self.next(&last.parameters, &error) }
     }
 
-    /// p_{j+1} of p_j and e_j.
+    /// p_{j+1} from p_j and e_j.
     fn next(&self, last: &DVector<f64>, error: &DVector<f64>) -> DVector<f64> {
         self.normal.solve(&(&self.learned * last - self.response.tr_mul(error)))
     }
 
-    /// Commands with a correction.
+    /// Commands plus a correction.
     pub(crate) fn corrected(
         &self,
         commands: &[AxisCommand<f64>],
@@ -148,7 +155,7 @@ impl IterativeLearning {
         commands.iter().enumerate().map(corrected).collect()
     }
 
-    /// Measured tracking error \[m\], averaged against noise.
+    /// Measured tracking error \[m\], averaged to reduce noise.
     fn error(&self, readings: &[AxisSignals<f64>], course: &dyn Course) -> DVector<f64> {
         let error: Vec<f64> = readings
             .iter()
@@ -167,8 +174,8 @@ impl IterativeLearning {
         })
     }
 
-    /// `‖T‖_N` for the response G' of another machine: largest singular value of `C⁻¹ (GᵀG + ρ I − Gᵀ G') C⁻ᵀ`, N = C Cᵀ. Infinite where that is no
-    /// number.
+    /// `‖T‖_N` for the response G' of another machine: largest singular value of `C⁻¹ (GᵀG + ρ I − Gᵀ G')
+    /// C⁻ᵀ`, N = C Cᵀ. Infinite if it is NaN.
     fn contraction(&self, other: &DMatrix<f64>) -> f64 {
         let factor = self.normal.l();
         let whole = &self.learned - self.response.tr_mul(other);
@@ -178,11 +185,12 @@ impl IterativeLearning {
         both.map_or(f64::INFINITY, |both| both.singular_values().max())
     }
 
-    /// Contraction on the model, and on machines at the corners of the ranges of payload and oil, each with each (`learning.corner_points`).
+    /// Contraction on the model, and on machines at all combinations of payload and oil from their ranges
+    /// (`learning.corner_points`).
     ///
     /// # Errors
     ///
-    /// As [`Self::new`].
+    /// See [`Self::new`].
     pub(crate) fn convergence(
         &self,
         model: &Description,
@@ -216,7 +224,7 @@ impl IterativeLearning {
     }
 }
 
-/// So many points of a range from end to end; a single one is the value itself.
+/// `count` points of a range from end to end; a single one is `value`.
 fn points([low, high]: [f64; 2], value: f64, count: usize) -> Vec<f64> {
     match count {
         0 | 1 => vec![value],
@@ -224,7 +232,7 @@ fn points([low, high]: [f64; 2], value: f64, count: usize) -> Vec<f64> {
     }
 }
 
-/// What is added to the motor speed: its values \[rev/s\] at knots, linear between them.
+/// Correction of the motor speed: values at knots \[rev/s\], linear in between.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Correction {
     parameters: DVector<f64>,
@@ -251,8 +259,8 @@ fn lowest_frequency(
     Ok((0..periods).step_by(every).map(frequency).fold(f64::INFINITY, f64::min))
 }
 
-/// Response of the tracking error to each knot of a correction \[m/(rev/s)\]: load on boom and oil, linearised along the reference, its friction
-/// sliding, behind the drive's delay.
+/// Response of the tracking error to each knot of a correction \[m/(rev/s)\]. The model is the load on boom
+/// and oil, linearised along the reference with sliding friction, behind the drive's delay.
 ///
 /// ```text
 /// y' = w,   w' = a_p (p − p_v w − p_0' (y + γ p)),   p' = β/(V + γ A β) (D n − A w),   x = y + γ p
@@ -272,7 +280,7 @@ fn response(
     let step = every as f64 * period;
     let rod_side = rod_side_term(model);
     let delay = total_delay(model);
-    // knots whose hat function is there in the row's interval get their share of it in the middle
+    // each row's interval takes the hat functions at its middle
     let hat = |row: usize, column: usize| {
         let time = (row as f64 + 0.5) * step - delay;
         (1.0 - (time / (per as f64 * period) - column as f64).abs()).max(0.0)
@@ -294,7 +302,7 @@ fn response(
     Ok(response)
 }
 
-/// The reduced model linearised about an equilibrium; states: position and velocity of the load, load pressure.
+/// Reduced model linearised about an equilibrium; states: position and velocity of the load, load pressure.
 struct Linear {
     system: Matrix3<f64>,
     input: Vector3<f64>,
@@ -330,13 +338,14 @@ impl Linear {
         Self { system, input, compliance: at.compliance }
     }
 
-    /// Of the undamped load on boom and oil \[Hz\].
+    /// Natural frequency of the undamped load on boom and oil \[Hz\].
     fn natural_frequency(&self) -> f64 {
         let [acceleration, stiffness] = [self.system[(1, 2)], -self.system[(2, 1)]];
         (acceleration * stiffness).sqrt() / std::f64::consts::TAU
     }
 
-    /// Over a step \[s\] with the input held: transition and input matrices, by the exponential of the augmented system.
+    /// Discretisation over a step \[s\] with zero-order hold: transition and input matrices by the
+    /// exponential of the augmented system.
     fn discrete(&self, step: f64) -> (Matrix3<f64>, Vector3<f64>) {
         let mut augmented = nalgebra::Matrix4::zeros();
         augmented.fixed_view_mut::<3, 3>(0, 0).copy_from(&(self.system * step));
@@ -362,7 +371,7 @@ mod tests {
         model.motion(model.numbers.fast)
     }
 
-    /// A machine whose pump delivers less and leaks more than the paper's.
+    /// Machine whose pump delivers less and leaks more than the paper's.
     fn machine() -> Description {
         let mut machine = with_drive(&Description::uia_single_boom().unwrap());
         machine.set("friction.law=lugre").unwrap();
@@ -371,7 +380,7 @@ mod tests {
         machine
     }
 
-    /// What is read of a machine under commands.
+    /// Measurements of a machine under commands.
     fn readings(
         machine: &Description,
         commands: &[AxisCommand<f64>],
@@ -398,7 +407,8 @@ mod tests {
         (errors.map(|e| e * e).sum::<f64>() / count).sqrt()
     }
 
-    /// After a correction while the piston moves, the nonlinear model is on average where the linearised response says: it rings about it.
+    /// After a correction during motion, the nonlinear model oscillates about the linearised response.
+    /// Their means agree.
     #[test]
     fn the_response_is_that_of_the_machine() {
         let (course, machine) = (course(), machine());
@@ -416,7 +426,7 @@ mod tests {
             .collect();
         let [before, after] =
             [commands, raised].map(|commands| readings(&machine, &commands, &course));
-        // from the end of the correction on, for a second
+        // one second from the end of the correction
         let begin = (f64::from(column + 1) * interval / period) as usize;
         let every = decimation(period);
         let rows = begin / every..begin / every + 100;
@@ -426,7 +436,7 @@ mod tests {
         assert!((linear / moved - 1.0).abs() < 0.02, "{linear} for {moved} m/(rev/s)");
     }
 
-    /// A model with another pump than the machine's corrects what the machine errs by.
+    /// Learning with a model whose pump differs from the machine's reduces the machine's error.
     #[test]
     fn learning_corrects_what_the_model_does_not_know() {
         let course = course();
@@ -444,7 +454,8 @@ mod tests {
         assert!(errors[0] > 2e-3 && errors[3] < 0.05 * errors[0], "{errors:?}");
     }
 
-    /// With knots so close that a correction excites the load's mode, and as large a correction as the model asks for, a cycle may enlarge the error on a crane with another payload: which is told.
+    /// With closely spaced knots a correction excites the load's mode. Without a bound on its size a cycle
+    /// may increase the error on a crane with another payload, which the convergence test reports.
     #[test]
     fn a_correction_that_excites_the_load_is_refused_with_its_corner() {
         let (course, mut model) = (course(), with_drive(&Description::uia_single_boom().unwrap()));
@@ -461,13 +472,14 @@ mod tests {
         let close = convergence(&model);
         assert!(!close.is_contraction() && close.model < 1.0, "{close:?}");
         assert!(close.worst_case.contains("payload.mass_kg="), "{close:?}");
-        // where no corner is asked for, the model alone counts
+        // without corners only the model counts
         model.set("learning.corner_points=1").unwrap();
         assert!(convergence(&model).is_contraction());
     }
 
-    /// On machines whose response is a multiple of the model's, T is self-adjoint in the product of N, and its norm is its spectral radius: the law converges if and only if that is
-    /// below one, each cycle by that factor at least. On any other machine it is enough that it is below one.
+    /// On machines whose response is a multiple of the model's, T is self-adjoint in the inner product of
+    /// N, and its norm is its spectral radius. The law then converges if and only if the norm is below one,
+    /// each cycle by at least that factor. On any other machine the condition is sufficient.
     #[test]
     fn the_norm_is_below_one_where_learning_converges() {
         let (course, model) = (course(), with_drive(&Description::uia_single_boom().unwrap()));
@@ -478,7 +490,7 @@ mod tests {
         let offset = DVector::from_fn(own.nrows(), |k, _| 1e-3 * (0.05 * k as f64).sin());
         let mu = model.numbers.learning_size.powi(2) * own.nrows() as f64;
         let factor = learning.normal.l();
-        // distances from where the law settles, μ p + Gᵀ (e_0 + G' p) = 0, in the norm |Cᵀ p| of N = C Cᵀ
+        // distances from the fixed point, μ p + Gᵀ (e_0 + G' p) = 0, in the norm |Cᵀ p| of N = C Cᵀ
         let distances = |other: &DMatrix<f64>| -> Vec<f64> {
             let settles = own.tr_mul(other) + mu * DMatrix::identity(size, size);
             let settled = settles.lu().solve(&-own.tr_mul(&offset)).unwrap();

@@ -1,7 +1,9 @@
-//! Learning from a recorded log: a machine identified from it, and feedforward and iterative learning control for that model.
+//! Learning from a recorded log: identification of the machine, and feedforward and iterative learning
+//! control with the identified model.
 //!
-//! The cycles are run on the virtual crane of the identified model. Commands are proposed only where the model is right for the log, its values are such as the crane
-//! file thinks possible, learning converges, and the crane's margins are kept.
+//! Cycles are run on the virtual crane of the identified model. Commands are proposed only if four
+//! conditions are met. The model is valid for the log, its values are within the crane file's ranges,
+//! learning converges, and the crane's margins are kept.
 
 use super::drive_delay::with_drive;
 use super::experiment::{CycleReport, Subject, outside_range, reports};
@@ -18,32 +20,33 @@ use hydroboom_identify::{Aspect, Judgement, Window};
 use hydroboom_measurement::{Measurement, Signal, Signals};
 use hydroboom_virtual_crane::surrogate;
 
-/// What a log tells of a machine.
+/// Machine identified from a log.
 #[derive(Clone, Debug)]
 pub struct LoggedMachine {
     /// The identified model.
     pub model: Description,
-    /// What was identified, as overrides of the crane file; nothing of a log that is refused.
+    /// Identified parameters as overrides of the crane file; empty if the log is refused.
     pub identified: Vec<String>,
-    /// What the identified model is right for.
+    /// Range of validity of the identified model.
     pub judged: Vec<Judgement>,
-    /// Why no correction is proposed for this machine; empty where one may be.
+    /// Reasons why no correction is proposed for this machine; empty if one may be.
     pub refusals: Vec<String>,
-    /// What is to be said of the log.
+    /// Remarks on the log.
     pub remarks: Vec<String>,
 }
 
 /// Key of the payload.
 const PAYLOAD: &str = "payload.mass_kg=";
 
-/// Share of the time that identification takes of all.
+/// Share of the whole computing time that the identification takes.
 const IDENTIFICATION: f64 = 0.2;
 
-/// Identifies the machine that a log was recorded of. `go_on` is told the share done of all that is asked of a log, and says whether to.
+/// Identifies the machine of a log. `go_on` receives the share done of the whole computation and returns
+/// whether to continue.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the log lacks what is needed, or the model cannot be run; [`LabError::Stopped`].
+/// [`LabError`] if the log lacks a required signal or the model cannot be run; [`LabError::Stopped`].
 pub fn identify_log(
     model: &Description,
     log: (&Measurement, &Signals),
@@ -76,7 +79,7 @@ pub fn identify_log(
     refusals.extend(payloads.into_iter().map(|key| {
         format!("{key} is outside the crane file's range of it: another crane, or a load that it is not made for")
     }));
-    // a fit that is refused is not to be used
+    // a refused fit must not be used
     let identified = if refusals.is_empty() { identified } else { Vec::new() };
     if refusals.is_empty() {
         remarks.extend(others.into_iter().map(|key| {
@@ -94,11 +97,12 @@ pub fn identify_log(
     Ok(LoggedMachine { model: found, identified, judged, refusals, remarks })
 }
 
-/// Feedforward and learning for a machine that was identified from a log: reports of cycles on its virtual crane, each with the commands that it proposes.
+/// Feedforward and learning for a machine identified from a log: reports of cycles on its virtual crane,
+/// each with the proposed commands.
 ///
 /// # Errors
 ///
-/// [`LabError`] when there is no such virtual crane.
+/// [`LabError`] if the virtual crane cannot be built.
 pub fn learn_for(
     model: &Description,
     machine: &LoggedMachine,
@@ -126,7 +130,8 @@ pub fn learn_for(
     Ok(reports)
 }
 
-/// Margins that commands exceed on the model with payload and transition pressure at the ends of their ranges.
+/// Margins that the commands exceed on the model with payload and transition pressure at the ends of their
+/// ranges.
 fn corners(
     model: &Description,
     commands: &[AxisCommand<f64>],

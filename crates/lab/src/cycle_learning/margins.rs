@@ -1,17 +1,18 @@
-//! Margins of a crane that a cycle without feedback has to keep: nothing is applied to a machine that does not.
+//! Safety margins of a crane for a cycle without feedback. Commands that exceed them are not applied to a
+//! machine.
 
 use super::record::Record;
 use crate::closed_loop::scenario::Course;
 use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Description;
 
-/// Slower than this a reference is at rest \[m/s\].
+/// Velocity below which a reference is at rest \[m/s\].
 const REST: f64 = 1e-9;
 
-/// A pressure by its name.
+/// Name of a pressure, and its signal.
 type Pressure = (&'static str, fn(&AxisSignals<f64>) -> f64);
 
-/// The pressures that the supervision limits.
+/// Pressures limited by the supervision.
 const PRESSURES: [Pressure; 4] = [
     ("p_PA", |r| r.pressure_pump_a),
     ("p_A", |r| r.pressure_a),
@@ -19,8 +20,8 @@ const PRESSURES: [Pressure; 4] = [
     ("p_PB", |r| r.pressure_pump_b),
 ];
 
-/// Which of a crane's margins a cycle exceeds, a sentence for each with the largest value and its time: pressures, distance from the end stops in motion,
-/// tracking error without feedback, motor speed.
+/// Margins of a crane that a cycle exceeds, a sentence each with the largest value and its time. Checked
+/// are pressures, distance from the end stops in motion, tracking error without feedback, and motor speed.
 pub(crate) fn exceeded(crane: &Description, record: &Record, course: &dyn Course) -> Vec<String> {
     let n = &crane.numbers;
     let time = |k: usize| k as f64 * record.period;
@@ -78,7 +79,7 @@ mod tests {
     use super::*;
     use hydroboom_control::command::AxisCommand;
 
-    /// What is changed of a period, by its number.
+    /// Change of a period, given its number.
     type Change<'a> = &'a dyn Fn(usize, &mut AxisSignals<f64>, &mut AxisCommand<f64>);
 
     #[test]

@@ -1,4 +1,5 @@
-//! What one closed-loop cycle, or a log, tells of a machine, and what feedforward and iterative learning control are worth with it.
+//! Identification of a machine from one closed-loop cycle or a log, and the tracking errors of feedforward
+//! and iterative learning control with the identified model.
 //!
 //! ```text
 //! cycle in closed loop -> record ->  identification (crate `identify`) -> surrogate (virtual crane, equipment off)

@@ -1,5 +1,5 @@
-//! Feedforward computed off line: the closed loop is simulated on the identified model, corrected by iterative learning control there, and its commands are
-//! replayed on the machine without feedback.
+//! Feedforward computed off line. The closed loop is simulated on the identified model and corrected there
+//! by iterative learning control. Its commands are replayed on the machine without feedback.
 
 use super::drive_delay::as_one_lag;
 use super::iterative_learning_control::IterativeLearning;
@@ -17,15 +17,16 @@ use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_virtual_crane::{VirtualCrane, surrogate};
 
-/// Cycles of learning on the model: its error is a hundredth of a millimetre by then.
+/// Learning cycles on the model, after which its error is about 0.01 mm.
 const CYCLES: usize = 4;
 
-/// Commands along a course for a machine that is read at `stroke` \[m\] and was commanded `past` since it rested where the course begins; the model keeps its
-/// margins under them.
+/// Commands along a course for a machine measured at `stroke` \[m\]. `past` are its commands since it
+/// rested at the start of the course. The model keeps its margins under the result.
 ///
 /// # Errors
 ///
-/// [`LabError`] when there is no scheduled LQR for the model, or the model has no rest there, leaves what it holds for, or exceeds its margins.
+/// [`LabError`] if there is no scheduled LQR or state of rest for the model, its state leaves the range of
+/// validity, or it exceeds its margins.
 pub(crate) fn feedforward(
     model: &Description,
     course: &dyn Course,
@@ -50,11 +51,11 @@ pub(crate) fn feedforward(
     Ok(corrected)
 }
 
-/// Refuses commands under which a machine exceeds a crane's margins: nothing is applied to a machine without them.
+/// Refuses commands under which a machine exceeds a crane's margins.
 ///
 /// # Errors
 ///
-/// [`LabError::Margins`] then; others where the machine cannot be run.
+/// [`LabError::Margins`] in that case; other errors if the machine cannot be simulated.
 pub(crate) fn within_margins(
     crane: &Description,
     commands: &[AxisCommand<f64>],
@@ -67,7 +68,8 @@ pub(crate) fn within_margins(
     if exceeded.is_empty() { Ok(()) } else { Err(LabError::Margins(exceeded.join("; "))) }
 }
 
-/// The model after past commands, from its rest at `start` \[m\]: the pressure that friction holds at rest depends on how the piston came there.
+/// Model after past commands, from rest at `start` \[m\]. The pressure that friction holds at rest depends
+/// on the motion before.
 fn after(
     machine: &Description,
     past: &[AxisCommand<f64>],
@@ -85,7 +87,8 @@ fn after(
     Ok(machine)
 }
 
-/// Commands of the scheduled LQR along the course. The known dead time is left out of the loop, and the reference taken ahead by it.
+/// Commands of the scheduled LQR along the course. The known dead time is removed from the loop, and the
+/// reference is advanced by it.
 fn closed_loop(
     model: &Description,
     machine: &Description,
@@ -116,15 +119,15 @@ fn closed_loop(
     Ok(commands)
 }
 
-/// Signals of a machine that is farther out than its model by an offset \[m\].
+/// Signals of a machine whose position exceeds its model's by an offset \[m\].
 fn with_offset(signals: AxisSignals<f64>, offset: f64) -> AxisSignals<f64> {
     AxisSignals { stroke: signals.stroke + offset, ..signals }
 }
 
-/// A course that is ahead of another.
+/// Course advanced in time.
 struct Ahead<'a> {
     course: &'a dyn Course,
-    /// Lead \[s\].
+    /// Lead time \[s\].
     lead: f64,
 }
 
@@ -151,7 +154,8 @@ mod tests {
     use super::super::drive_delay::with_drive;
     use super::*;
 
-    /// Of the same short motion: within the margins of the crane file, and beyond those of one that allows less pressure.
+    /// The same short motion keeps the margins of the crane file, and exceeds those of one with lower
+    /// pressure limits.
     #[test]
     fn commands_beyond_a_margin_are_not_given() {
         let mut model = with_drive(&Description::uia_single_boom().unwrap());

@@ -1,33 +1,33 @@
-//! A cycle as it was commanded and measured.
+//! Commands and measurements of a cycle.
 
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 
-/// Commands from a rest on, each held for a control period, and the readings at the beginning of each.
+/// Commands from a rest on, each held for a control period, and the measurements at the beginning of each.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Record {
     /// Control period \[s\].
     pub period: f64,
     /// Commands.
     pub commands: Vec<AxisCommand<f64>>,
-    /// Readings, as many.
+    /// Measurements, one per command.
     pub readings: Vec<AxisSignals<f64>>,
 }
 
 impl Record {
-    /// Empty, for a control period \[s\].
+    /// Empty record for a control period \[s\].
     pub(crate) fn new(period: f64) -> Self {
         Self { period, ..Self::default() }
     }
 
-    /// A period more.
+    /// Appends a period.
     pub(crate) fn push(&mut self, command: AxisCommand<f64>, reading: AxisSignals<f64>) {
         self.commands.push(command);
         self.readings.push(reading);
     }
 
-    /// As a log, which is what models are compared with.
+    /// The record as a log, the input of the model fit.
     pub(crate) fn log(&self) -> (Measurement, Signals) {
         let time: Vec<f64> = (0..self.readings.len()).map(|k| k as f64 * self.period).collect();
         let mut signals = Signals::default();

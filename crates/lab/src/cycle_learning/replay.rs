@@ -1,4 +1,4 @@
-//! A cycle under commands without feedback: what was recorded, and tracking errors.
+//! Cycle under given commands without feedback: record and tracking errors.
 
 use super::record::Record;
 use super::stages::Stages;
@@ -16,28 +16,28 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Those of now.
+    /// Appends the present errors.
     pub(crate) fn push(&mut self, machine: &VirtualCrane, reference: f64) {
         self.true_error.push(machine.truth().outputs.stroke - reference);
         self.measured.push(machine.signals().stroke - reference);
     }
 }
 
-/// Root of the mean square.
+/// Root mean square.
 pub(crate) fn rms(errors: &[f64]) -> f64 {
     (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
-/// A crane that has long been at rest where a course begins.
+/// Crane at rest at the start of a course.
 pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<VirtualCrane, LabError> {
     Ok(VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?)
 }
 
-/// A cycle under commands along a course.
+/// Runs a cycle with given commands along a course.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the machine leaves what the model holds for, or it is to end.
+/// [`LabError`] if the state leaves the model's range of validity, or the run is stopped.
 pub(crate) fn replayed(
     commands: &[AxisCommand<f64>],
     machine: &mut VirtualCrane,

@@ -1,14 +1,14 @@
-//! What a cycle lacks for the motor's limits of speed and slew, with time and amount.
+//! Effect of the motor's speed and slew-rate limits on a cycle, with time and amount.
 
 use hydroboom_description::Description;
 use hydroboom_model::drive::{DeadTime, Drive, DriveState, parts};
 use std::f64::consts::TAU;
 
-/// Motor speed that a slew limit withholds counts from this share of the largest speed on: noise of a measured signal makes a command leap from period to period,
-/// which no motor is to follow.
+/// Smallest speed deficit due to the slew-rate limit that is reported, as a share of the largest speed.
+/// Measurement noise makes commands step from period to period, which a motor need not follow.
 const TOLD: f64 = 0.01;
 
-/// What commands \[rev/s\], one a period \[s\], lack: a sentence for each limit that they reach.
+/// Deficits of commands \[rev/s\], one per period \[s\]: a sentence for each limit reached.
 pub(crate) fn saturations(model: &Description, commands: &[f64], period: f64) -> Vec<String> {
     let n = &model.numbers;
     let time = |k: usize| k as f64 * period;
@@ -48,11 +48,11 @@ pub(crate) fn saturations(model: &Description, commands: &[f64], period: f64) ->
     said
 }
 
-/// Speeds \[rev/s\] of the drive under commands, with a slew limit \[rev/s²\].
+/// Motor speeds \[rev/s\] of the drive under commands, with a slew-rate limit \[rev/s²\].
 fn speeds(model: &Description, commands: &[f64], period: f64, slew: f64) -> Vec<f64> {
     let n = &model.numbers;
     let dead_time = DeadTime::of(n.drive_dead_time, period);
-    // a motor that follows at once has the lag of a period
+    // an ideal motor is represented by a lag of one period
     let frequency = if n.drive_bandwidth > 0.0 { TAU * n.drive_bandwidth } else { 1.0 / period };
     let drive = Drive {
         frequency,
@@ -88,13 +88,14 @@ mod tests {
         };
         assert!(saturations(&model, &ramp(90.0, 30.0), period).is_empty());
         let fast = saturations(&model, &ramp(90.0, 45.0), period);
-        // 40 rev/s at 90 rev/s² are reached after 0.444 s, and kept to the end
+        // a ramp of 90 rev/s² reaches 40 rev/s after 0.444 s and stays above it to the end
         assert!(
             fast.len() == 1 && fast[0].contains("2400 rpm for 1.555 s, from 1.445 s on"),
             "{fast:?}"
         );
         assert!(fast[0].contains("300 rpm beyond it"), "{fast:?}");
-        // 30 rev/s at 200 rev/s² after 0.15 s, where a slew of 100 has come half as far
+        // a ramp of 200 rev/s² reaches 30 rev/s after 0.15 s, when a slew rate of 100 rev/s² has reached
+        // half of it
         let steep = saturations(&model, &ramp(200.0, 30.0), period);
         assert!(steep.len() == 1 && steep[0].contains("6000 rpm/s"), "{steep:?}");
         let amount = steep[0].split("lacks ").nth(1).and_then(|rest| rest.split(' ').next());

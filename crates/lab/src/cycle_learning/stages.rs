@@ -1,37 +1,37 @@
-//! How far a cycle's experiment is, and whether it is to go on.
+//! Progress of a learning experiment, and the request to stop it.
 
 use crate::LabError;
 use std::cell::Cell;
 
-/// Progress over so many runs of a machine or model, told within each of them.
+/// Progress over a number of simulations, reported within each.
 pub(crate) struct Stages<'a> {
-    /// Told the share done; says whether to go on.
+    /// Receives the share done; returns whether to continue.
     go_on: &'a (dyn Fn(f64) -> bool + Sync),
     count: f64,
     done: Cell<f64>,
 }
 
 impl<'a> Stages<'a> {
-    /// Nothing is done yet of about so many runs.
+    /// Start of about `count` simulations.
     pub(crate) fn new(count: usize, go_on: &'a (dyn Fn(f64) -> bool + Sync)) -> Self {
         Self { go_on, count: count.max(1) as f64, done: Cell::new(0.0) }
     }
 
-    /// A share of the present run is done.
+    /// Reports the share of the present simulation.
     ///
     /// # Errors
     ///
-    /// [`LabError::Stopped`] when it is to end.
+    /// [`LabError::Stopped`] if the experiment is to stop.
     pub(crate) fn within(&self, share: f64) -> Result<(), LabError> {
         let done = ((self.done.get() + share.min(1.0)) / self.count).min(1.0);
         if (self.go_on)(done) { Ok(()) } else { Err(LabError::Stopped) }
     }
 
-    /// The same in a run of so many control periods, of which so many are done: looked at every tenth of a second of it.
+    /// The same for `done` of `periods` control periods; reported every [`OFTEN`] periods.
     ///
     /// # Errors
     ///
-    /// As of [`within`](Self::within).
+    /// See [`within`](Self::within).
     pub(crate) fn within_run(&self, done: usize, periods: usize) -> Result<(), LabError> {
         match done.is_multiple_of(OFTEN) {
             true => self.within(done as f64 / periods.max(1) as f64),
@@ -39,13 +39,13 @@ impl<'a> Stages<'a> {
         }
     }
 
-    /// The present run is done, and counts as so many.
+    /// Completes the present simulation, which counts as `runs`.
     pub(crate) fn done(&self, runs: f64) {
         self.done.set(self.done.get() + runs);
     }
 }
 
-/// Control periods between two looks.
+/// Control periods between two reports.
 const OFTEN: usize = 100;
 
 #[cfg(test)]
