@@ -6,7 +6,8 @@
 //! pressure shifted in time. An offset of the piston-side pressure shows only against the pressure on the
 //! pump side of the open load-holding valve. The payload estimate would absorb it otherwise.
 //!
-//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4 (consistency), 5.5 (likelihood).
+//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
+//! 2001, section 5.4 (consistency), 5.5 (likelihood).
 
 use crate::log_estimation::{ALL, LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
 use hydroboom_control::estimation::state_estimator::StateEstimator;

@@ -295,7 +295,7 @@ fn count(model: &Description, course: &dyn Course) -> usize {
 ///
 /// # Errors
 ///
-/// [`LabError::NoOscillation`] when fewer than two periods can be seen.
+/// [`LabError::NoOscillation`] if there are fewer than two periods.
 pub fn pressure_oscillation(motion: &OutAndBack<f64>, run: &Run) -> Result<f64, LabError> {
     let from = motion.rest + motion.ramp;
     let to = motion.rest + motion.travel_time() - motion.ramp;
@@ -317,7 +317,7 @@ mod tests {
     fn strategies_side_by_side_do_what_each_does_alone() {
         let model = Description::uia_single_boom().unwrap();
         let crane = Description::uia_virtual().unwrap();
-        // with a payload that changes on the way
+        // with a payload change during the course
         let course = CourseChoice::Scenario("payload-change".into()).of(&crane).unwrap();
         let together = run_all(&model, &crane, course.as_ref()).unwrap();
         for strategy in [

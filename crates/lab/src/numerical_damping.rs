@@ -1,9 +1,8 @@
-//! What a time stepping scheme adds of its own: its damping and its order, on a crane that loses
-//! nothing.
+//! Numerical damping and observed order of the integration schemes, on a crane without losses.
 //!
-//! The step is differentiated by the state it starts from. An eigenvalue μ of that matrix is
-//! `exp(λ h)` of a mode λ as the scheme sees it, to be held against the mode of the differential
-//! equation.
+//! The integration step is differentiated with respect to its initial state. An eigenvalue μ of that matrix
+//! equals `exp(λ h)` with λ the numerical eigenvalue of a mode. It is compared with the eigenvalue of the
+//! differential equation.
 
 use crate::eigenfrequency::without_friction;
 use crate::energy_audit::scheme_name;
@@ -17,28 +16,29 @@ use hydroboom_plant::{flatten, unflatten};
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 
-/// One scheme at one step.
+/// Result of one scheme with one step.
 #[derive(Clone, Debug, Serialize)]
 pub struct NumericalDamping {
-    /// The scheme.
+    /// Name of the scheme.
     pub scheme: String,
-    /// Its step.
+    /// Integration step.
     pub step_us: f64,
-    /// Damping ratio it adds to the crane's lowest mode; negative where it feeds the oscillation.
+    /// Damping ratio that the scheme adds to the crane's lowest mode; negative if it excites the
+    /// oscillation.
     pub damping_ratio: f64,
-    /// How much it mistakes the mode's frequency by, relative.
+    /// Relative error of the mode's frequency.
     pub frequency_error: f64,
-    /// Observed order: how fast the mode's error falls between this step and half of it; none where
-    /// the error is rounding.
+    /// Observed order of convergence of the mode's error between this step and half of it; none if rounding
+    /// dominates.
     pub order: Option<f64>,
 }
 
-/// Segments of the crane it is seen on.
+/// Number of boom segments.
 const SEGMENTS: usize = 3;
-/// Relative errors below this are rounding.
+/// Relative errors below this are due to rounding.
 const ROUNDING: f64 = 1e-10;
 
-/// The crane with every loss switched off: friction, structural damping, pump leakage.
+/// The crane without any loss: friction, structural damping, pump leakage.
 ///
 /// # Errors
 ///
@@ -56,12 +56,11 @@ pub fn lossless(description: &Description) -> Result<Description, LabError> {
     Ok(lossless)
 }
 
-/// The schemes at the steps they are used with, on the lossless crane of three segments with its
-/// load held.
+/// The schemes with their usual steps, on the lossless crane of three segments with its load held.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no state of rest or does not oscillate.
+/// [`LabError`] if the crane has no state of rest or does not oscillate.
 pub fn numerical_damping(description: &Description) -> Result<Vec<NumericalDamping>, LabError> {
     let lossless = lossless(&description.divided(SEGMENTS))?;
     let trials = [
@@ -89,7 +88,7 @@ pub fn numerical_damping(description: &Description) -> Result<Vec<NumericalDampi
         .collect()
 }
 
-/// The lowest mode \[1/s\] as a scheme sees it, and as the differential equation has it.
+/// Eigenvalue of the lowest mode \[1/s\]: numerical, and of the differential equation.
 fn lowest_mode(
     description: &Description,
     scheme: Scheme,
@@ -113,7 +112,7 @@ fn lowest_mode(
         .ok_or_else(silent)
 }
 
-/// Derivatives of the state after one step by the state before it.
+/// Derivatives of the state after one step with respect to the state before it.
 fn step_jacobian(
     description: &Description,
     start: &Start,

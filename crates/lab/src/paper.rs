@@ -1,4 +1,4 @@
-//! The paper's printed results, for "paper | here" (doi:10.3390/act14020080). Errors are x − x_ref.
+//! Printed results of the paper for comparison (doi:10.3390/act14020080). Errors are x − x_ref.
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference, RangeSource};
@@ -13,8 +13,8 @@ pub const EIGEN_MEASURED_HZ: [f64; 3] = [3.19, 3.18, 3.10];
 pub const PRESSURE_OSCILLATION_HZ: f64 = 2.2404;
 /// Table 6: frequency of the measured one \[Hz\].
 pub const PRESSURE_OSCILLATION_MEASURED_HZ: f64 = 2.2744;
-/// Table 6: differences, crane less simulation, between the real crane and the paper's simulation
-/// at the fast speed, (signal, unit, peak, RMS).
+/// Table 6: differences, crane minus simulation, between the real crane and the paper's simulation at the
+/// fast speed, (signal, unit, peak, RMS).
 pub const TABLE_6: [(&str, &str, f64, f64); 6] = [
     ("x_cyl", "mm", -9.5524, 4.4377),
     ("p_A", "bar", 8.8999, 2.7538),
@@ -34,20 +34,22 @@ pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
     ([0.18, 0.37], [-0.88, -1.55]),
 ];
 
-/// RMS and peak of a published strategy at both speeds; none for one that the paper does not have.
+/// RMS and peak of a published strategy at both speeds; none for strategies that are not in the paper.
 pub fn tracking_mm(strategy: Strategy) -> Option<([f64; 2], [f64; 2])> {
     TRACKING_MM.get(strategy as usize).copied()
 }
 
-/// Table 1: stroke of the cylinder \[mm\], L_cyl,max less L_cyl,min.
+/// Table 1: stroke of the cylinder \[mm\], L_cyl,max minus L_cyl,min.
 pub const STROKE_MM: f64 = 500.0;
-/// Table 7: RMS tracking error of simulation feedforward in open loop below that of velocity feedforward at both speeds \[%\].
+/// Table 7: reduction of the RMS tracking error by simulation feedforward in open loop, compared with
+/// velocity feedforward, at both speeds \[%\].
 pub const IMPROVEMENT_OPEN_LOOP_PERCENT: [f64; 2] = [83.11, 78.61];
-/// Table 9: RMS tracking error in closed loop with simulation feedforward below the benchmark's at both speeds \[%\].
+/// Table 9: reduction of the RMS tracking error by simulation feedforward in closed loop, compared with the
+/// benchmark, at both speeds \[%\].
 pub const IMPROVEMENT_CLOSED_LOOP_PERCENT: [f64; 2] = [16.37, 11.89];
 /// Abstract: accuracy of the simulated eigenfrequency \[%\].
 pub const STATED_EIGENFREQUENCY_PERCENT: f64 = 97.0;
-/// Abstract: deviation of the simulated piston position, of the stroke \[%\].
+/// Abstract: deviation of the simulated piston position as a share of the stroke \[%\].
 pub const STATED_POSITION_PERCENT: f64 = 1.2;
 /// Conclusions: the same as an RMS \[mm\].
 pub const STATED_POSITION_MM: f64 = 5.85;
@@ -56,13 +58,15 @@ pub const STATED_OPEN_LOOP_PERCENT: f64 = 83.0;
 /// Conclusions: reduction of the RMS tracking error in closed loop at both speeds \[%\].
 pub const STATED_CLOSED_LOOP_PERCENT: [f64; 2] = [16.0, 12.0];
 
-/// Choices of method, and not of the machine: how the boom is divided, and which of the paper's two friction laws is simulated.
+/// Modelling choices that do not change the machine: the division of the boom, and which of the paper's two
+/// friction laws is simulated.
 const METHODS: [&str; 2] = ["boom.segment_lengths_mm", "friction.law"];
-/// Speeds of the motion, by which the paper's errors are found.
+/// Speeds of the motion, which select the paper's errors.
 const SPEEDS: [&str; 2] = ["motion.slow_mm_s", "motion.fast_mm_s"];
 
-/// Whether a crane is the paper's, whose figures stand beside no other: what the paper prints is as printed, and what it does not print is as in the
-/// embedded file or within the range that stands there. So is its motion but for the speeds, beside which its errors stand. Controllers and equipment may be others.
+/// Whether a crane is the paper's, so that its results may be compared with the paper's. Printed values
+/// must be equal, and values that the paper does not print must equal the embedded file's or lie within its
+/// ranges. The same applies to its motion except the speeds. Controllers and equipment may differ.
 pub fn is_its_crane(crane: &Description) -> bool {
     let Ok(own) = Description::uia_single_boom() else { return false };
     let is_possible = |difference: &Difference| {
@@ -97,7 +101,7 @@ mod tests {
             is_its_crane(&crane)
         };
         assert!(is_its(&[]));
-        // controllers, methods, and what the paper does not print
+        // controllers, methods, and values that the paper does not print
         for own in [
             "controller.proportional_per_s=6",
             "boom.segments=10",

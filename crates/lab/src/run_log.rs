@@ -1,4 +1,4 @@
-//! A run of the virtual crane as a time series: the columns of its log.
+//! Run of the virtual crane as a time series with the columns of its log.
 
 use crate::closed_loop::sample::Sample;
 use crate::log::{Log, columns, scaled};
@@ -29,7 +29,7 @@ pub(crate) fn header(contents: Contents, has_reference: bool) -> Vec<String> {
     header
 }
 
-/// A row of these columns.
+/// Row of these columns.
 pub(crate) fn row(contents: Contents, has_reference: bool, sample: &Sample) -> Vec<f64> {
     let mut row = vec![sample.time];
     if contents.readings() {
@@ -46,11 +46,11 @@ pub(crate) fn row(contents: Contents, has_reference: bool, sample: &Sample) -> V
     row
 }
 
-/// Writes a run as `virtual --log --truth` does, every control period.
+/// Writes a run in the format of `virtual --log --truth`, every control period.
 ///
 /// # Errors
 ///
-/// [`FileError`] when it cannot be written.
+/// [`FileError`] if the file cannot be written.
 pub fn write_run(run: &Run, path: &Path) -> Result<(), FileError> {
     let mut log = Log::begin(path, &header(Contents::Truth, true));
     run.samples.iter().for_each(|sample| log.row(&row(Contents::Truth, true, sample)));

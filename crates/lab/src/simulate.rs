@@ -1,4 +1,4 @@
-//! Any crane under any input, written as CSV.
+//! Simulation of a crane under a given input, written as CSV.
 
 use crate::closed_loop::scenario::{Course, due};
 use crate::log::{self, Log};
@@ -8,18 +8,18 @@ use hydroboom_files::FileError;
 use hydroboom_model::{Flows, Input, Outputs, Scheme};
 use std::path::Path;
 
-/// Longest recorded input that is read \[B\]: a day of rows every 10 ms.
+/// Longest recorded input \[B\]: one day of rows every 10 ms.
 const LONGEST: u64 = 500_000_000;
 
-/// A recorded input: from each time on, motor speed and valve hold until the next.
+/// Recorded input: motor speed and valve, each constant until the next row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     rows: Vec<(f64, Input<f64>)>,
 }
 
-/// What drives the crane.
+/// Input of a simulation.
 pub enum Drive {
-    /// Velocity feedforward along a course, its payload changing with it.
+    /// Velocity feedforward along a course with its load changes.
     Course(Box<dyn Course>),
     /// A recorded input.
     Recording(Recording),
@@ -27,28 +27,28 @@ pub enum Drive {
     Constant(Input<f64>, f64),
 }
 
-/// How a simulation is run and recorded.
+/// Settings of a simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Piston position to start from \[m\].
+    /// Initial piston position \[m\].
     pub start_stroke: f64,
-    /// Scheme.
+    /// Integration scheme.
     pub scheme: Scheme,
-    /// Step \[s\].
+    /// Integration step \[s\].
     pub step: f64,
     /// Interval between rows of the log \[s\].
     pub log_interval: f64,
-    /// Whether the load-holding valve starts open and pre-loaded.
+    /// Whether the simulation starts with an open load-holding valve and a pre-loaded pump.
     pub preloaded: bool,
 }
 
 impl Recording {
-    /// Reads `time_s, motor_speed_rpm, valve` with a header line; the valve column may be absent
-    /// (then it is energised).
+    /// Reads `time_s, motor_speed_rpm, valve` with a header line. Without a valve column the valve is
+    /// energised.
     ///
     /// # Errors
     ///
-    /// [`LabError::Input`] naming the line and column of what cannot be used.
+    /// [`LabError::Input`] with the line and column of an invalid entry.
     pub fn read(path: &Path) -> Result<Self, LabError> {
         let name = path.display().to_string();
         let file = hydroboom_files::bytes(path, "recorded input", LONGEST)?;
@@ -105,7 +105,7 @@ impl Recording {
         self.rows[self.rows.len() - 1].0 - self.rows[0].0
     }
 
-    /// The input at a time \[s\] since the first row.
+    /// Input at a time \[s\] since the first row.
     pub fn at(&self, time: f64) -> Input<f64> {
         let first = self.rows[0].0;
         let next = self.rows.partition_point(|(t, _)| *t <= first + time);
@@ -113,7 +113,7 @@ impl Recording {
     }
 }
 
-/// Names and values of the states that no output shows: angles, angular velocities, bristle.
+/// Names and values of the states that are not outputs: angles, angular velocities, bristle.
 fn hidden_states(crane: &dyn Plant) -> impl Iterator<Item = (String, f64)> {
     let named = crane.state_names().into_iter().zip(crane.state_vector());
     named.filter(|(name, _)| name.starts_with("ang") || name.starts_with("bristle"))
@@ -140,19 +140,19 @@ fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
     row
 }
 
-/// What a simulation came to.
+/// Result of a simulation.
 pub struct Simulated {
     /// The crane at the end.
     pub crane: Box<dyn Plant>,
-    /// Whether the log that was asked for is written; no log is one.
+    /// Whether a requested log was written; success if none was requested.
     pub log: Result<(), FileError>,
 }
 
-/// Simulates and writes a log. `progress` is told the share done.
+/// Simulates and writes a log. `progress` receives the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated.
+/// [`LabError`] if the crane cannot be simulated.
 pub fn simulate(
     description: &Description,
     drive: &Drive,
@@ -179,7 +179,8 @@ pub fn simulate(
             holding_valve: 1.0,
         },
     };
-    // held over a step is what the course asks for in its middle: held from the beginning, all would come half a step late
+    // zero-order hold of the course's value at mid-step; with the value at its start the input would lag by
+    // half a step
     let held_from = |time: f64| match drive {
         Drive::Course(_) => input_at(time + 0.5 * settings.step),
         _ => input_at(time),

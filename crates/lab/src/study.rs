@@ -1,4 +1,4 @@
-//! The paper's experiments in one go.
+//! Study: all experiments of the paper.
 
 use crate::claims::{self, Claim, claims};
 use crate::closed_loop::scenario::Course;
@@ -22,7 +22,7 @@ use std::thread;
 
 /// Name of the plant that equals the model.
 pub const NOMINAL: &str = "nominal";
-/// Name of the embedded plant that does not.
+/// Name of the embedded plant that differs from the model.
 pub const OFF: &str = "off-model";
 
 /// Name of the virtual crane as a plant.
@@ -31,15 +31,14 @@ pub const VIRTUAL: &str = "virtual";
 /// Default step of the implicit scheme \[s\].
 pub const IMPLICIT_STEP: f64 = 500e-6;
 
-/// RMS and peak difference of one signal, plant less published model, both under velocity
-/// feedforward.
+/// RMS and peak difference of one signal, plant minus published model, both under velocity feedforward.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
-    /// The paper's name of the signal.
+    /// Name of the signal in the paper.
     pub signal: String,
     /// Its unit.
     pub unit: String,
-    /// RMS difference of the virtual crane, where there is one.
+    /// RMS difference of the virtual crane, if there is one.
     pub virtual_rms: Option<f64>,
     /// Peak difference of the virtual crane.
     pub virtual_peak: Option<f64>,
@@ -47,27 +46,27 @@ pub struct Difference {
     pub off_model_rms: f64,
     /// Peak difference of the off-model plant.
     pub off_model_peak: f64,
-    /// The paper's, between the real crane and its simulation; none beside another crane.
+    /// RMS difference between the real crane and the paper's simulation; none for another crane.
     pub paper_rms: Option<f64>,
-    /// The paper's.
+    /// Peak difference of the paper.
     pub paper_peak: Option<f64>,
 }
 
-/// Does the energy add up, and what do the time steps take from it?
+/// Energy balance, and numerical damping of the integration schemes.
 #[derive(Clone, Debug, Serialize)]
 pub struct EnergyResults {
-    /// Audits of a motion cycle.
+    /// Energy balances of a motion cycle.
     pub audits: Vec<Audit>,
     /// Damping and order of the schemes.
     pub numerical_damping: Vec<NumericalDamping>,
 }
 
-/// Stability of the loops that strategies close around a plant, linearised.
+/// Stability of the strategies' linearised closed loops on a plant.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlantLoops {
     /// Name of the plant.
     pub plant: &'static str,
-    /// Its loops.
+    /// Loops on the plant.
     pub loops: Vec<LoopStability>,
 }
 
@@ -76,63 +75,65 @@ pub struct PlantLoops {
 pub struct Study {
     /// Name of the crane.
     pub crane: String,
-    /// Whether it is the paper's: the paper's figures stand beside no other.
+    /// Whether it is the paper's crane; the paper's values are shown for no other.
     pub is_papers_crane: bool,
-    /// The paper's headline claims.
+    /// Main claims of the paper.
     pub claims: Vec<Claim>,
-    /// Mean accuracy of our model's eigenfrequencies against those that the paper measured \[%\]; none for another crane.
+    /// Mean accuracy of this model's eigenfrequencies compared with the paper's measurements \[%\]; none
+    /// for another crane.
     pub eigenfrequency_accuracy_percent: Option<f64>,
     /// Table 5.
     pub eigenfrequency: Vec<eigenfrequency::Row>,
-    /// Eigenfrequencies of the virtual crane at the same positions, where there is one.
+    /// Eigenfrequencies of the virtual crane at the same positions, if there is one.
     pub virtual_eigenfrequency_hz: Option<[f64; 3]>,
-    /// Tables 7 to 9, on all plants.
+    /// Tables 7 to 9 on all plants.
     pub motion: Vec<Row>,
-    /// Whether all loops are stable, linearised, and no run was in sustained oscillation or stopped.
+    /// Whether all linearised loops are stable, and no run was in sustained oscillation or stopped.
     pub stable: bool,
-    /// Loops around each plant.
+    /// Loops on each plant.
     pub loops: Vec<PlantLoops>,
-    /// Of the loops that are unstable around the nominal or the off-model plant, which are ideal, those that are stable with the lags of a drive and a fieldbus.
+    /// Loops that are unstable on the ideal nominal or off-model plant, but stable with the lags of a drive
+    /// and a fieldbus.
     pub stable_with_expected_lags: Vec<LoopStability>,
-    /// What is to be said of the benchmark's gains, if anything.
+    /// Remark on the benchmark's gains, if any.
     pub remark_on_gains: Option<String>,
-    /// Frequency of the p_A oscillation with the valve open, not fitted.
-    /// None where the motion does not show two whole periods of it.
+    /// Frequency of the p_A oscillation with open valve, not fitted. None if the motion contains less than
+    /// two whole periods of it.
     pub pressure_oscillation_hz: Option<f64>,
-    /// The paper's simulated one; none beside another crane.
+    /// Simulated value of the paper; none for another crane.
     pub paper_pressure_oscillation_hz: Option<f64>,
-    /// That of the virtual crane.
+    /// Value of the virtual crane.
     pub virtual_pressure_oscillation_hz: Option<f64>,
-    /// The paper's measured one.
+    /// Measured value of the paper.
     pub paper_measured_pressure_oscillation_hz: Option<f64>,
-    /// Table 6; empty where a run that it compares stopped.
+    /// Table 6; empty if a run of the comparison stopped.
     pub differences: Vec<Difference>,
-    /// What the second damping costs, on the nominal plant and on the virtual crane.
+    /// Effect of the second damping, on the nominal plant and on the virtual crane.
     pub double_damping: Vec<DoubleDamping>,
     /// Energy.
     pub energy: EnergyResults,
     /// Work-precision trials.
     pub work_precision: Vec<Point>,
-    /// Overrides that make the off-model plant.
+    /// Overrides that define the off-model plant.
     pub off_model: Vec<String>,
-    /// The runs themselves, for figures: nominal, then off-model, then virtual.
+    /// Runs for figures: nominal, then off-model, then virtual.
     #[serde(skip)]
     pub runs: Vec<(String, Run)>,
-    /// The published model along the virtual crane's fast motion, for figures 18 to 23.
+    /// Published model along the virtual crane's fast motion, for figures 18 to 23.
     #[serde(skip)]
     pub alongside: Option<Run>,
-    /// A locked-valve oscillation for figure 17, at the middle stroke.
+    /// Locked-valve oscillation for figure 17 at the middle stroke.
     #[serde(skip)]
     pub oscillation: Option<eigenfrequency::Oscillation>,
 }
 
 impl Study {
-    /// What is to be said of loops that are unstable, a sentence each.
+    /// Remarks on unstable loops, a sentence each.
     pub fn unstable_loops(&self) -> Vec<String> {
         said_of_unstable(&self.loops, &self.stable_with_expected_lags)
     }
 
-    /// The run of a strategy at a speed \[mm/s\] on a plant.
+    /// Run of a strategy at a speed \[mm/s\] on a plant.
     pub fn run(&self, plant: &str, strategy: Strategy, speed_mm_s: f64) -> Option<&Run> {
         self.runs
             .iter()
@@ -157,8 +158,8 @@ fn said_of_unstable(
     loops.iter().flat_map(unstable).chain(remark).collect()
 }
 
-/// Loops around each plant that there is, by its name; and of those that are unstable around an ideal plant, the ones that are stable with the lags that the
-/// controllers expect.
+/// Loops on each plant by its name. In addition, the loops that are unstable on an ideal plant and stable
+/// with the lags that the controllers expect.
 fn loops_around(
     model: &Description,
     plants: &[(&'static str, Option<&Description>)],
@@ -174,11 +175,11 @@ fn loops_around(
     Ok((loops, expected))
 }
 
-/// What the study finds out about the virtual crane.
+/// Results for the virtual crane.
 struct VirtualResults {
     eigenfrequency: [f64; 3],
     runs: Vec<Run>,
-    /// The model along the slow and the fast motion.
+    /// Model along the slow and the fast motion.
     alongside: [Run; 2],
     pressure_oscillation: Option<f64>,
     damping: DoubleDamping,
@@ -217,13 +218,14 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
     })
 }
 
-/// Runs the study on a crane, and on a virtual crane that stands in for it where one is given.
+/// Runs the study on a crane, and on a virtual crane that represents the real one, if given.
 ///
-/// The paper's figures stand beside those of its own crane only, `is_papers_crane`, overridden keys or not. `progress` is told what has been done.
+/// The paper's values are shown for its own crane only (`is_papers_crane`), with or without overrides.
+/// `progress` receives the name of each completed part.
 ///
 /// # Errors
 ///
-/// [`LabError`] when any of the experiments fails.
+/// [`LabError`] if an experiment fails.
 pub fn study(
     description: &Description,
     virtual_crane: Option<&Description>,
@@ -232,7 +234,7 @@ pub fn study(
 ) -> Result<Study, LabError> {
     let (off, off_model) = off_model(description)?;
     let n = &description.numbers;
-    // two workers: the motion tests, and everything else
+    // two workers: the motion tests, and all other experiments
     let (runs, rest) = thread::scope(|scope| {
         let rest = scope.spawn(|| {
             let virtual_results = match virtual_crane {
@@ -356,7 +358,8 @@ pub fn study(
     })
 }
 
-/// A crane that differs from the model as the off-model plant does from the paper's crane: by the same shares; and how, as overrides.
+/// Crane that differs from the model by the same ratios as the off-model plant from the paper's crane, with
+/// the differences as overrides.
 fn off_model(model: &Description) -> Result<(Description, Vec<String>), LabError> {
     let own = Description::uia_single_boom()?;
     let (off, _) = own.overridden("cranes/off-model.toml", OFF_MODEL)?;
@@ -365,7 +368,7 @@ fn off_model(model: &Description) -> Result<(Description, Vec<String>), LabError
         let entry = model.own_entries().find(|(key, ..)| key.path() == changed.key);
         let shares = (changed.there.parse::<f64>(), changed.here.parse::<f64>());
         if let (Some((key, value, _)), (Ok(there), Ok(here))) = (entry, shares) {
-            // free of rounding noise
+            // without rounding noise
             overrides.push(format!("{}={}", key.path(), short(value * there / here)));
         }
     }
@@ -374,13 +377,13 @@ fn off_model(model: &Description) -> Result<(Description, Vec<String>), LabError
     Ok((plant, overrides.iter().map(|assignment| assignment.replace('=', " = ")).collect()))
 }
 
-/// A value to eleven digits, very small ones with an exponent.
+/// Number with eleven digits; very small ones with an exponent.
 fn short(value: f64) -> String {
     let value: f64 = format!("{value:.10e}").parse().unwrap_or(value);
     if value != 0.0 && value.abs() < 1e-3 { format!("{value:e}") } else { value.to_string() }
 }
 
-/// Table 6 of two runs that came to their end.
+/// Table 6 of two completed runs.
 fn differences_of(model: &Run, plant: &Run) -> Option<[(f64, f64); 6]> {
     let whole = model.stopped.is_none() && plant.stopped.is_none();
     whole.then(|| calibrate::differences(model, plant))
@@ -411,7 +414,8 @@ fn differences(
 mod tests {
     use super::*;
 
-    /// A payload at 9 m: the nominal plant has no lag, and the scheduled LQR counts on one. Both are said, and the paper's crane has nothing of it.
+    /// Payload at 9 m. The nominal plant has no lag, while the scheduled LQR expects one. Both facts are
+    /// reported, and neither applies to the paper's crane.
     #[test]
     fn a_loop_that_only_an_ideal_plant_makes_unstable_is_told_so() {
         let said = |set: &str| {

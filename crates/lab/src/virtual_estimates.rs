@@ -1,8 +1,10 @@
-//! Estimates beside true values: the state estimator of the scheduled LQR runs beside the virtual crane, whatever commands it.
+//! Estimates compared with true values: the state estimator of the scheduled LQR runs beside the virtual
+//! crane under any command.
 //!
-//! It is designed for the model's crane file alone; its inputs are what is measured, and what is commanded. True values are those of the time of the
-//! measurement, which is as many control periods old as the fieldbus delays it. Outputs that are no states have their standard deviation from the error
-//! covariance P by first-order propagation, σ² = ∇h P ∇hᵀ, with exact derivatives.
+//! The estimator is designed for the model's crane file alone. Its inputs are measurements and commands.
+//! True values are those at the time of the measurement, which the fieldbus delays by some control periods.
+//! Outputs that are not states get their standard deviation from the error covariance P by first-order
+//! propagation, σ² = ∇h P ∇hᵀ, with exact derivatives.
 
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Load, due};
@@ -19,50 +21,50 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 use std::collections::VecDeque;
 
-/// Names of the estimates with their units, and those in SI units.
+/// Names of the estimates with their units, and these units in SI units.
 const QUANTITIES: [(&str, f64); 10] = [
     ("payload_kg", 1.0),
     ("load_pressure_bar", 1e5),
     ("piston_velocity_mm_s", 1e-3),
     ("transition_pressure_bar", 1e5),
-    // of the cylinder, pre-sliding and viscous
+    // cylinder friction, pre-sliding and viscous
     ("friction_n", 1.0),
     ("disturbance_bar", 1e5),
     ("unknown_flow_rpm", 1.0 / 60.0),
-    // from the boom's bearing; these too
+    // relative to the boom's bearing, x and y
     ("tip_x_mm", 1e-3),
     ("tip_y_mm", 1e-3),
     ("drive_lag_ms", 1e-3),
 ];
-/// All but the last come from the filter's state.
+/// Number of quantities from the filter's state: all except the last.
 const FILTERED: usize = QUANTITIES.len() - 1;
-/// Those before the tip.
+/// Number of quantities before the tip.
 pub(crate) const OF_STATE: usize = FILTERED - 2;
-/// Place of the payload.
+/// Index of the payload.
 const PAYLOAD: usize = 0;
-/// What the innovations are of, with their units, and those in SI units.
+/// Names of the innovations with their units, and these units in SI units.
 const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
 
-/// An estimate beside the true value, in the unit of its name.
+/// Estimate and true value in the unit of the name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Compared {
     /// Estimate at the end.
     pub estimated: f64,
-    /// Its standard deviation; none of the drive's lag, which recursive least squares identify.
+    /// Its standard deviation; none for the drive's lag, which is estimated by recursive least squares.
     pub deviation: Option<f64>,
-    /// True value at the end; none where the crane has no such quantity.
+    /// True value at the end; none if the crane has no such quantity.
     #[serde(rename = "true")]
     pub true_value: Option<f64>,
     /// RMS error over the run.
     pub rms_error: Option<f64>,
 }
 
-/// What is estimated at the end of a run, and how far off it was on the way.
+/// Estimates at the end of a run, and their errors over the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EstimateSummary([Compared; QUANTITIES.len()]);
 
 impl EstimateSummary {
-    /// Every estimate with its name, which ends in its unit.
+    /// Estimates with their names, which end in the unit.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Compared)> {
         QUANTITIES.iter().map(|(name, _)| *name).zip(&self.0)
     }
@@ -78,24 +80,24 @@ impl Serialize for EstimateSummary {
     }
 }
 
-/// The estimator, and what it is compared with.
+/// State estimator in parallel with a run, with the true values.
 pub(crate) struct ParallelEstimator<'a> {
     controller: ScheduledLqrController,
-    /// None where the tip is not estimated.
+    /// Tip estimator; none if the tip is not estimated.
     tip: Option<TipEstimator<f64>>,
     tip_memory: TipMemory<f64>,
     area_ratio: f64,
     delay: usize,
-    /// Payload \[kg\], and changes that are to come.
+    /// Payload \[kg\], and later load changes.
     payload: f64,
     loads: &'a [Load],
-    /// Whether the load-holding valve was open in the last period, and the motor speed that was commanded \[rev/s\].
+    /// Whether the load-holding valve was open in the last period, and the commanded motor speed \[rev/s\].
     is_released: bool,
     command: f64,
     number: u64,
-    /// True values since the measurement that arrives next was taken, newest last.
+    /// True values since the sampling of the next measurement to arrive, newest last.
     past: VecDeque<[Option<f64>; FILTERED]>,
-    /// In SI units.
+    /// Estimates in SI units.
     estimated: [f64; QUANTITIES.len()],
     deviation: [f64; FILTERED],
     truth: [Option<f64>; FILTERED],
@@ -104,7 +106,7 @@ pub(crate) struct ParallelEstimator<'a> {
 }
 
 impl<'a> ParallelEstimator<'a> {
-    /// None where the model has no such design, or another control period than the crane.
+    /// None if the model has no such design, or its control period differs from the crane's.
     pub(crate) fn new(
         model: &Description,
         crane: &Description,
@@ -142,7 +144,7 @@ impl<'a> ParallelEstimator<'a> {
         estimated.chain(deviation).chain(innovation).chain(["mean_nis".into()])
     }
 
-    /// Estimates, their standard deviations and the innovations, in the units of their names.
+    /// Estimates, their standard deviations and the innovations in the units of their names.
     pub(crate) fn row(&self) -> impl Iterator<Item = f64> {
         let (mut innovation, mut mean_nis) = ([f64::NAN; INNOVATIONS.len()], f64::NAN);
         if let Some(estimated) = self.controller.estimated() {
@@ -155,7 +157,7 @@ impl<'a> ParallelEstimator<'a> {
         estimated.chain(deviation).chain(innovation).chain([mean_nis])
     }
 
-    /// One more control period.
+    /// Processes a control period.
     pub(crate) fn see(&mut self, sample: &Sample) {
         self.number += 1;
         let measurement = Measurement::new(self.number, sample.time, [sample.signals]);
@@ -171,7 +173,7 @@ impl<'a> ParallelEstimator<'a> {
         self.command = sample.command.motor_speed;
         self.payload = due(&mut self.loads, sample.time).unwrap_or(self.payload);
         self.past.push_back(self.true_values(sample));
-        // what is measured before the first measurement has arrived is that of the start
+        // the estimator has no measurement before the delay has passed
         if self.past.len() > self.delay + 1 {
             self.past.pop_front();
         }
@@ -190,7 +192,8 @@ impl<'a> ParallelEstimator<'a> {
         })
     }
 
-    /// The newest estimates beside the truth of their measurement, with the motor speed that was read \[rev/s\].
+    /// Compares the newest estimates with the truth at their measurement; `motor_speed` is the measured one
+    /// \[rev/s\].
     fn estimate(&mut self, motor_speed: f64) {
         let Some(estimated) = self.controller.estimated() else { return };
         let (filter, rod_side_term) = (&estimated.filter, estimated.rod_side_term);
@@ -213,7 +216,7 @@ impl<'a> ParallelEstimator<'a> {
         self.compared += 1;
     }
 
-    /// What came of it; none where nothing was estimated.
+    /// Summary; none if nothing was estimated.
     pub(crate) fn summary(&self) -> Option<EstimateSummary> {
         (self.compared > 0).then(|| {
             EstimateSummary(core::array::from_fn(|k| {
@@ -231,7 +234,7 @@ impl<'a> ParallelEstimator<'a> {
     }
 }
 
-/// The filter's quantities of a state in the order of [`QUANTITIES`], with the motor turning at a speed \[rev/s\].
+/// Estimated quantities of a filter state in the order of [`QUANTITIES`], at a motor speed \[rev/s\].
 pub(crate) fn quantities<T: Real>(
     model: &ReducedModel<T>,
     z: &MachineState<T>,

@@ -1,4 +1,4 @@
-//! The virtual crane at work, logged as a real crane's data acquisition would.
+//! Run of the virtual crane, logged as by the data acquisition of a real crane.
 
 use crate::LabError;
 use crate::closed_loop::metrics::{Metrics, SustainedOscillation, TrackingError};
@@ -19,14 +19,14 @@ use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
 use std::path::Path;
 
-/// What the virtual crane is told.
+/// Task of the virtual crane.
 #[derive(Clone)]
 pub enum Task<'a> {
-    /// A course under one of the strategies, which know the model only.
+    /// Course under one of the strategies, which use the model only.
     Course(&'a dyn Course, Strategy),
     /// A recorded input.
     Recording(Recording),
-    /// The locked-valve oscillation test: the tip dropped by so much at a piston position \[m\].
+    /// Locked-valve oscillation test: the tip is dropped from a height at a piston position.
     Oscillation {
         /// Piston position \[m\].
         stroke: f64,
@@ -38,14 +38,14 @@ pub enum Task<'a> {
 /// Duration of the oscillation test \[s\].
 const OSCILLATION: f64 = 4.0;
 
-/// What a log holds.
+/// Contents of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
-    /// What a data acquisition would see.
+    /// Signals that a data acquisition measures.
     Readings,
-    /// The hidden states too.
+    /// Measured signals and true states.
     Truth,
-    /// The hidden states alone.
+    /// True states only.
     TruthAlone,
 }
 
@@ -58,49 +58,50 @@ impl Contents {
     }
 }
 
-/// A log to be written.
+/// Log to be written.
 #[derive(Clone, Copy, Debug)]
 pub struct LogOrder<'a> {
-    /// Where.
+    /// Path of the file.
     pub path: &'a Path,
-    /// What.
+    /// Contents.
     pub contents: Contents,
-    /// What the state estimator tells, too.
+    /// Whether it includes the state estimator's outputs.
     pub estimates: bool,
     /// Interval between rows \[s\].
     pub interval: f64,
 }
 
-/// A run in short.
+/// Summary of a run.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Summary {
     /// Duration.
     pub duration_s: f64,
-    /// Tracking error; no numbers for a recorded input.
+    /// Tracking error; NaN for a recorded input.
     #[serde(flatten)]
     pub error: TrackingError,
     /// Whether it came to rest where its reference rested; none for a recorded input.
     pub stable: Option<bool>,
-    /// The sustained oscillation that it was in while its reference rested, and after the course's end where it may have begun there.
+    /// Sustained oscillation while the reference rested, and after the course's end if it may have begun
+    /// there.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// Piston position at the end, truly.
+    /// True piston position at the end.
     pub stroke_mm: f64,
-    /// Pressure on the piston side at the end, truly.
+    /// True piston-side pressure at the end.
     pub pressure_a_bar: f64,
     /// Largest torque of the motor.
     pub torque_nm: f64,
     /// Oil temperature at the end.
     pub oil_c: f64,
-    /// What the state estimator tells at the end; none for a crane that has no such design.
+    /// State estimator's outputs at the end; none for a crane without such a design.
     pub estimates: Option<EstimateSummary>,
 }
 
-/// Runs the virtual crane and logs what is ordered; says which logs could not be written, and why.
-/// `progress` is told the share done.
+/// Runs the virtual crane and writes the ordered logs. Returns the logs that could not be written, with the
+/// reasons. `progress` receives the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated.
+/// [`LabError`] if the crane cannot be simulated.
 pub fn virtual_run(
     model: &Description,
     crane: &Description,
@@ -191,11 +192,11 @@ pub fn virtual_run(
     Ok((summary, lost))
 }
 
-/// All strategies along a course, side by side, each in short; `progress` is told the share done.
+/// Summaries of all strategies along a course, simulated together; `progress` receives the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be simulated.
+/// [`LabError`] if a crane cannot be simulated.
 pub fn strategies(
     model: &Description,
     crane: &Description,
@@ -244,7 +245,7 @@ impl Summary {
     }
 }
 
-/// Sends commands that depend on nothing but time.
+/// Sends commands that are a function of time only.
 fn follow(
     mut real: VirtualCrane,
     duration: f64,
@@ -257,7 +258,7 @@ fn follow(
         let time = k as f64 * period;
         let command = command(time);
         let reading = real.signals();
-        // there is no reference to be away from
+        // without a reference the error is defined as zero
         let reference = SetPoint { position: reading.stroke, velocity: 0.0 };
         observe(&Sample {
             time,

@@ -1,4 +1,5 @@
-//! Survey of a virtual crane's tip, for trials: the crane at rest at poses over its motion, with two loads.
+//! Simulated survey of a virtual crane's tip: the crane at rest at poses over its motion, with two
+//! payloads.
 
 use crate::LabError;
 use hydroboom_description::Description;
@@ -8,10 +9,10 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
-/// Poses over the motion.
+/// Number of poses over the motion.
 const POSES: usize = 5;
 
-/// How a virtual crane is surveyed.
+/// Settings of a survey of a virtual crane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurveyOrder {
     /// Payloads \[kg\].
@@ -22,11 +23,11 @@ pub struct SurveyOrder {
     pub seed: u64,
 }
 
-/// Surveys a virtual crane: the stroke as its encoder reads it, the tip as it is, with noise.
+/// Surveys a virtual crane: stroke as measured by its encoder, true tip position plus noise.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot rest at a pose.
+/// [`LabError`] if the crane cannot rest at a pose.
 pub fn virtual_survey(crane: &Description, order: &SurveyOrder) -> Result<TipSurvey, LabError> {
     let mut random = Pcg64Mcg::seed_from_u64(order.seed);
     let mut noise = || order.deviation * Distribution::<f64>::sample(&StandardNormal, &mut random);

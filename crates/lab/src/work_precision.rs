@@ -1,4 +1,4 @@
-//! Error against a converged reference over step size and computing time.
+//! Work-precision diagram: error relative to a converged reference over step size and computing time.
 
 use crate::LabError;
 use crate::energy_audit::scheme_name;
@@ -8,21 +8,22 @@ use hydroboom_model::{Crane, CraneState, Input, Scheme};
 use serde::Serialize;
 use std::time::Instant;
 
-/// What drives the motor in a trial.
+/// Motor input of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Excitation {
-    /// The first two seconds of the fast motion, whose velocity is ramped.
+    /// First two seconds of the fast motion, whose velocity is ramped.
     Motion,
-    /// The motor's speed steps between rest and that of the fast motion, out and back: nothing is ramped, and no drive lags.
+    /// Steps of the motor speed between rest and the fast motion's speed in both directions, without ramps
+    /// and drive lag.
     SpeedSteps,
 }
 
 impl Excitation {
-    /// Both of them.
+    /// Both excitations.
     pub const ALL: [Self; 2] = [Self::Motion, Self::SpeedSteps];
 
-    /// What it is, in tables.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Motion => "fast motion, ramped",
@@ -31,16 +32,16 @@ impl Excitation {
     }
 }
 
-/// One scheme at one step.
+/// Result of one scheme with one step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
-    /// What drives the motor.
+    /// Motor input.
     pub excitation: Excitation,
-    /// The scheme.
+    /// Integration scheme.
     pub scheme: String,
-    /// Its step.
+    /// Integration step.
     pub step_us: f64,
-    /// Largest error of the piston position over the motion, infinite where the scheme diverged.
+    /// Largest error of the piston position over the motion; infinite if the scheme diverged.
     pub stroke_error_mm: f64,
     /// Largest error of the pressure on the piston side.
     pub pressure_error_bar: f64,
@@ -48,20 +49,19 @@ pub struct Point {
     pub time_ms_per_s: f64,
 }
 
-/// Duration of the trial \[s\]: the fast motion's ramp and a second of cruise.
+/// Duration of a trial \[s\]: the fast motion's ramp and one second at constant speed.
 const DURATION: f64 = 2.0;
-/// Interval at which the input changes and trajectories are compared \[s\]; a multiple of every
-/// step.
+/// Interval at which the input changes and trajectories are compared \[s\]; a multiple of every step.
 const INTERVAL: f64 = 2e-3;
 
-/// Speed of the motor over that of the fast motion in each quarter of the trial with steps.
+/// Motor speed over that of the fast motion in each quarter of the trial with steps.
 const STEPS: [f64; 4] = [0.0, 1.0, -1.0, 0.0];
 
-/// Runs the schemes without substeps, so that their own limits show.
+/// Runs the schemes without substeps, so that their own stability limits show.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no state of rest.
+/// [`LabError`] if the crane has no state of rest.
 pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError> {
     let three = description.divided(3);
     let crane = three.crane::<3>()?;
@@ -91,7 +91,7 @@ pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError>
     Ok(points)
 }
 
-/// All schemes at all steps under one course of inputs.
+/// All schemes with all steps under one input sequence.
 fn trials(
     crane: &Crane<f64, 3>,
     start: &CraneState<f64, 3>,
@@ -128,7 +128,7 @@ fn trials(
     points
 }
 
-/// Piston position \[m\] and pressure \[Pa\] after every interval, and the time it took \[s\].
+/// Piston position \[m\] and pressure \[Pa\] after every interval, and the computing time \[s\].
 fn trajectory(
     crane: &Crane<f64, 3>,
     start: &CraneState<f64, 3>,
@@ -165,7 +165,7 @@ fn trajectory(
 mod tests {
     use super::*;
 
-    /// Those of README.md and docs/theory.md: largest errors of p_A \[bar\].
+    /// Values of README.md and docs/theory.md: largest errors of p_A \[bar\].
     #[test]
     fn errors_are_those_that_are_stated_with_their_conditions() {
         let points = work_precision(&Description::uia_single_boom().unwrap()).unwrap();

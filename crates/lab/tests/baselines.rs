@@ -1,4 +1,4 @@
-//! What the scheduled LQR is compared with has to be worth it, and trials have to tell what they are made for.
+//! The baselines are competitive, and the trials show the effects they are made for.
 
 use hydroboom_control::reference::profile::{OutAndBack, RampShape, SetPoint};
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -13,7 +13,7 @@ use hydroboom_lab::closed_loop::scenario::Course;
 use hydroboom_lab::closed_loop::simulation::simulate_closed_loop;
 use std::sync::LazyLock;
 
-/// All baselines as designed for the paper's crane, once for all tests.
+/// All baselines designed for the paper's crane, once for all tests.
 fn designed() -> [Baseline; 5] {
     static DESIGNED: LazyLock<[Baseline; 5]> = LazyLock::new(|| {
         let model = Description::uia_single_boom().expect("the embedded crane file is read");
@@ -22,7 +22,8 @@ fn designed() -> [Baseline; 5] {
     *DESIGNED
 }
 
-/// On the virtual crane, which none of them knows, what is fed back by state and prediction errs less than the published benchmark.
+/// On the virtual crane, which none of the controllers knows, state feedback and prediction have smaller
+/// errors than the published benchmark.
 #[test]
 fn baselines_with_an_estimator_are_better_than_the_published_benchmark() {
     let (model, crane) =
@@ -45,7 +46,7 @@ fn baselines_with_an_estimator_are_better_than_the_published_benchmark() {
     }
 }
 
-/// The published gains oscillate with an empty hook. Those that are designed for the payload range do not.
+/// The published gains oscillate with an empty hook; gains designed for the payload range do not.
 #[test]
 fn the_retuned_benchmark_does_not_oscillate_with_an_empty_hook() {
     let (model, crane) =
@@ -59,7 +60,7 @@ fn the_retuned_benchmark_does_not_oscillate_with_an_empty_hook() {
     assert_eq!(unstable, [true, false], "{outcomes:?}");
 }
 
-/// To and fro by 100 mm with ramps that the motor cannot follow.
+/// Motion of 100 mm and back with ramps that the motor cannot follow.
 const SUDDEN: OutAndBack<f64> = OutAndBack {
     start: 0.2,
     end: 0.3,
@@ -91,8 +92,9 @@ impl Course for Still {
     }
 }
 
-/// A reference that rests moves nothing: on a crane that is the model, nothing but leakage is made good for: a tenth of a millimetre until
-/// the filter knows it, more by the benchmarks with an integral that begins at none.
+/// A reference at rest causes no motion on a crane that equals the model, except for the correction of
+/// leakage. That is 0.1 mm until the filter has estimated it, and more with the benchmarks, whose integral
+/// starts at zero.
 #[test]
 fn a_reference_that_rests_moves_nothing() {
     let model = Description::uia_single_boom().unwrap();
@@ -111,8 +113,8 @@ fn a_reference_that_rests_moves_nothing() {
     }
 }
 
-/// A motion that is too sudden for the motor: no command is beyond its speed, and a pressure that the nonlinear controller may not exceed is kept, where the linear one
-/// knows none.
+/// A motion too sudden for the motor: no command exceeds its speed limit. The nonlinear controller also
+/// keeps a pressure limit, which the linear one does not have.
 #[test]
 fn limits_are_kept_along_a_sudden_motion() {
     let mut model = Description::uia_single_boom().unwrap();
@@ -148,12 +150,13 @@ fn rest_bar(crane: &Description) -> Result<f64, LabError> {
     Ok(rest)
 }
 
-/// A ZV shaper (two impulses, half a period of the boom apart) leaves less of the tip's vibration, a ZVD shaper (three) less again; noise asks more of the motor.
+/// A ZV shaper (two impulses half a period of the boom apart) reduces the vibration of the tip, a ZVD
+/// shaper (three impulses) reduces it further. Noise increases the motor's effort.
 #[test]
 fn trials_show_what_they_are_made_for() {
     let (model, crane) =
         (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
-    // the scheduled LQR smooths its reference itself, and filters its measurements
+    // the scheduled LQR smooths its reference itself and filters its measurements
     let benchmark = [ControllerChoice::from(Strategy::BenchmarkClosedLoop)];
     let of = |trials, name: &str| {
         let outcomes = run(&model, trials, &benchmark, &|| ());

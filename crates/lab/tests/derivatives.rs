@@ -1,4 +1,4 @@
-//! The model's exact derivatives against those of an independent dual number.
+//! Exact derivatives of the model compared with those by an independent dual-number library.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -8,7 +8,7 @@ use hydroboom_model::stepping::{Implicit, Underlying, has_settled};
 use hydroboom_model::{Crane, CraneRates, CraneState, Input};
 use num_dual::{Dual64, DualNum};
 
-/// A number of another library behind our trait: its rules of differentiation, its functions.
+/// Number type of another library with its own rules of differentiation, adapted to the trait `Real`.
 #[derive(Clone, Copy, Debug)]
 struct Oracle(Dual64);
 
@@ -79,7 +79,7 @@ fn listed<T: Copy>(rates: &CraneRates<T, 3>) -> Vec<T> {
     list
 }
 
-/// Derivatives of all rates along one direction, by both.
+/// Compares the derivatives of all rates along one direction.
 fn compare(crane: &Crane<f64, 3>, state: &CraneState<f64, 3>, input: &Input<f64>, slope: &[f64]) {
     let mut slopes = slope.iter().copied().cycle();
     let ours =
@@ -120,7 +120,7 @@ fn derivatives_match_an_independent_dual_number_valves_at_their_kinks_included()
         let valves = [circuit.check_valve, circuit.holding_valve.check, circuit.return_valve.check];
         for stroke in [0.05, 0.25, 0.45] {
             let at_rest = crane.at_rest(&description.start(stroke)).unwrap();
-            // pressure drops that meet a valve's kinks, an orifice at rest, a node at vapour pressure
+            // pressure drops at the kinks of a valve, at an orifice without flow, and at vapour pressure
             let mut drops = vec![0.0, 1.0, -1.0, 7e5, -7e5];
             for valve in valves {
                 let full = valve.cracking_pressure + 1.0 / valve.opening_slope;
@@ -147,8 +147,9 @@ fn derivatives_match_an_independent_dual_number_valves_at_their_kinks_included()
     }
 }
 
-/// One step whose slopes follow the plain one, beside the same step solved in dual numbers throughout. Both stop iterating where the
-/// boom's turning within a step, which Newton's matrix leaves out, is less than a thousandth: so near they agree.
+/// A step with derivatives that follow the plain step, compared with the same step solved in dual numbers
+/// throughout. Newton's matrix omits the boom's rotation within a step. Both therefore stop at a residual
+/// of less than a thousandth, and agree to that accuracy.
 #[test]
 fn slopes_that_follow_the_plain_step_are_those_of_a_step_in_dual_numbers() {
     type Two = Dual<f64, 2>;
@@ -163,12 +164,12 @@ fn slopes_that_follow_the_plain_step_are_those_of_a_step_in_dual_numbers() {
     }
     let over: Crane<Two, 3> = crane.over(&mut Two::constant);
     let mut whole = state.map(Two::constant);
-    // along the pump's speed, and along the gas that the accumulator has to begin with
+    // derivatives with respect to the pump's speed and the initial gas volume of the accumulator
     whole.circuit.gas_volume.slope[1] = 1e-3;
     let mut following = whole;
     let mut along = input.map(Two::constant);
     along.pump_speed.slope[0] = 1.0;
-    // a step that has not settled is no solution, and taken in parts by whoever needs slopes
+    // an unconverged step is no solution; a caller that needs derivatives divides it
     assert!(has_settled(plain.step(&crane, &mut state, &input, STEP)));
     Implicit::new(&over).step(&over, &mut whole, &along, Two::constant(STEP));
     Underlying::new(&over).step(&over, &mut following, &along, STEP);

@@ -1,4 +1,4 @@
-//! What one cycle tells of a machine, and what feedforward and learning are worth with it.
+//! Identification of a machine from one cycle, and the errors of feedforward and learning with it.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -10,7 +10,7 @@ use hydroboom_lab::cycle_learning::experiment::{
 };
 use std::sync::Mutex;
 
-/// A crane's motion, of half the length and with short rests.
+/// Motion of a crane, shortened to half the length and with short rests.
 fn short(mut crane: Description) -> Description {
     for set in ["motion.end_mm=250", "motion.dwell_s=1", "motion.rest_s=1"] {
         crane.set(set).unwrap();
@@ -18,10 +18,10 @@ fn short(mut crane: Description) -> Description {
     crane
 }
 
-/// Cycles of learning.
+/// Number of learning cycles.
 const CYCLES: usize = 3;
 
-/// A cycle of one crane at the fast speed.
+/// Results of one crane at the fast speed.
 fn cycle(crane: Description) -> CycleReport {
     let mut model = Description::uia_single_boom().unwrap();
     model.set(&format!("learning.cycles={CYCLES}")).unwrap();
@@ -30,14 +30,14 @@ fn cycle(crane: Description) -> CycleReport {
     learning_experiment(&model, &cranes, &course, &|_| true).unwrap().remove(0)
 }
 
-/// True RMS error by a method \[mm\].
+/// RMS true error of a method \[mm\].
 fn error(report: &CycleReport, method: Method, cycles: Option<usize>, reset: bool) -> f64 {
     let of = |m: &&MethodError| (m.method, m.cycles, m.reset) == (method, cycles, reset);
     report.methods.iter().find(of).unwrap().rms_true_mm.unwrap()
 }
 
-/// A worn pump leaks, and feedforward from the model as described errs by centimetres; from the identified model it does not, and learning corrects
-/// what that still lacks.
+/// With a worn, leaking pump, feedforward from the crane file's model has an error of centimetres.
+/// Feedforward from the identified model does not, and learning corrects the remaining error.
 #[test]
 fn a_cycle_tells_what_feedforward_lacks() {
     let report = cycle(member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane);
@@ -45,14 +45,15 @@ fn a_cycle_tells_what_feedforward_lacks() {
     let identified = error(&report, Method::IdentifiedModel, None, true);
     assert!(identified < 1.0 && identified < 0.2 * nominal, "{nominal} mm, then {identified} mm");
     let learned = error(&report, Method::IterativeLearning, Some(CYCLES), true);
-    // readings are a cycle of the fieldbus late: taken as of now, they would leave this much
+    // measurements are delayed by the fieldbus: compared with the present reference, they would leave this
+    // error
     let n = Description::uia_virtual().unwrap().numbers;
     let late_mm = 1e3 * n.fast * n.fieldbus_delay * n.control_period;
     assert!(learned < 0.5 * late_mm, "{learned} mm, of {late_mm} mm");
     assert!(report.convergence.unwrap().is_contraction() && learned < identified, "{learned} mm");
 }
 
-/// A slow drive delays by its lag of second order, apart from the fieldbus; the identified model says so.
+/// A slow drive has a second-order lag in addition to the fieldbus delay; the identified model contains it.
 #[test]
 fn a_cycle_tells_the_delay_of_a_slow_drive() {
     let model = Description::uia_single_boom().unwrap();
@@ -70,7 +71,7 @@ fn a_cycle_tells_the_delay_of_a_slow_drive() {
     assert!(rms < 0.25 * lag_mm, "{rms} mm, of {lag_mm} mm by the delay");
 }
 
-/// Told to stop, a report keeps what was run by then, and says that it is not whole.
+/// A stopped report keeps the results so far and is marked as incomplete.
 #[test]
 fn what_was_run_before_a_stop_is_kept() {
     let model = Description::uia_single_boom().unwrap();
@@ -87,7 +88,7 @@ fn what_was_run_before_a_stop_is_kept() {
         learning_experiment(&model, &cranes, &course, &go_on).unwrap()
     };
     assert!(until(0.0).is_empty());
-    // after the closed-loop cycle and the nominal model's
+    // stops after the closed-loop cycle and the nominal model's
     let mut reports = until(0.12);
     let report = reports.remove(0);
     assert!(!report.whole && report.stable, "{report:?}");

@@ -1,4 +1,4 @@
-//! The filter along recorded logs: bounds that hold, faults that are said, and what cannot be told.
+//! Filter along recorded logs: coverage of its bounds, reported faults, and unobservable parameters.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -10,7 +10,7 @@ use hydroboom_lab::log_estimation::{ESTIMATES, LogEstimate, estimate};
 use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_measurement::{Channel, Mapping, Measurement, Signal, Signals, Track, read};
 
-/// A log of a virtual crane on the fast motion, with its true values.
+/// Log of a virtual crane on the fast motion with its true values.
 fn logged(crane: &Description, name: &str) -> Measurement {
     let model = Description::uia_single_boom().unwrap();
     let path = std::env::temp_dir().join(format!("{name}-{}.csv", std::process::id()));
@@ -36,7 +36,7 @@ fn place(name: &str) -> usize {
     ESTIMATES.iter().position(|(known, _)| *known == name).unwrap()
 }
 
-/// A signal with its times and values changed.
+/// Signal with its times and values changed.
 fn changed(
     signals: &Signals,
     signal: Signal,
@@ -55,8 +55,9 @@ fn kinds(found: &LogEstimate, signal: &str) -> Vec<&'static str> {
     of.map(|finding| finding.kind).collect()
 }
 
-/// Bounds of two standard deviations hold in about 95 % of instants. Payload and pressure err alike for long, so over few cranes more may be missed than of
-/// independent numbers: nine of ten is asked of all instants together.
+/// Two standard deviations cover about 95 % of the instants. Errors of payload and pressure are correlated
+/// over long times. Over few cranes more instants may be missed than with independent numbers, so that 90 %
+/// of all instants are required.
 #[test]
 fn bounds_hold_on_virtual_cranes_that_the_filter_does_not_know() {
     let nominal = Description::uia_virtual().unwrap();
@@ -77,7 +78,7 @@ fn bounds_hold_on_virtual_cranes_that_the_filter_does_not_know() {
         let ratio = crane.cylinder().area_ratio();
         let delay = crane.numbers.fieldbus_delay * crane.numbers.control_period;
         for row in found.rows.iter().filter(|row| row.time > 0.5).step_by(250) {
-            // what is estimated is of the time of the measurement
+            // estimates refer to the time of the measurement
             let k = velocity.time.partition_point(|t| *t < row.time - delay - 1e-6);
             let pairs = [
                 ("payload_kg", crane.numbers.payload),
@@ -105,11 +106,11 @@ fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
     assert!(found.verdict.findings.is_empty(), "{:?}", found.verdict.findings);
     let payload = |found: &LogEstimate| found.rows.last().unwrap().estimate[place("payload_kg")];
 
-    // 5 bar of p_A against p_PA are found
+    // an offset of 5 bar of p_A against p_PA is found
     let higher = |t: f64, v: f64| Some((t, v + 5e5));
     let off = changed(&sound, Signal::PressureA, higher);
     assert_eq!(kinds(&along(&off), "p_A"), ["offset"]);
-    // both alike are payload, about 5 kg a bar, and that is said
+    // equal offsets of both are estimated as payload, about 5 kg per bar, which the verdict mentions
     let both = along(&changed(&off, Signal::PressurePumpA, higher));
     assert!(both.verdict.findings.is_empty(), "{:?}", both.verdict.findings);
     assert_eq!(both.verdict.is_consistent, Some(true));
@@ -117,13 +118,13 @@ fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
     let said = both.verdict.unobservable.join("\n");
     assert!(said.contains("1 bar of p_A (and of p_PA alike) cannot be told"), "{said}");
 
-    // a pressure 60 ms late, a position 50 ms late
+    // pressure delayed by 60 ms, position delayed by 50 ms
     let late = along(&changed(&sound, Signal::PressureA, |t, v| Some((t + 0.06, v))));
     assert!(kinds(&late, "p_A, p_B").contains(&"delay"), "{:?}", late.verdict);
     let late = along(&changed(&sound, Signal::Stroke, |t, v| Some((t + 0.05, v))));
     assert!(kinds(&late, "x_cyl").contains(&"delay"), "{:?}", late.verdict.findings);
 
-    // one value all the time, and another crane's load
+    // constant signals, and a payload outside the crane file's range
     for signal in [Signal::PressureA, Signal::Stroke] {
         let found = along(&changed(&sound, signal, |t, _| {
             Some((t, if signal == Signal::Stroke { 0.05 } else { 70e5 }))
@@ -138,7 +139,7 @@ fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
     assert_eq!(kinds(&found, "payload"), ["range"], "{:?}", found.verdict);
     assert!(!found.verdict.sentence().starts_with("consistent"), "{}", found.verdict.sentence());
 
-    // missing cells are left out: the pressure's bound grows, and comes back
+    // with missing cells the pressure's bound grows, and returns afterwards
     let hole =
         changed(&sound, Signal::PressureA, |t, v| (!(5.0..6.5).contains(&t)).then_some((t, v)));
     let found = along(&hole);

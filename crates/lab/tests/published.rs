@@ -1,4 +1,4 @@
-//! Every number of the paper that the model claims.
+//! Numbers of the paper that the model reproduces.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_control::strategy::Strategy;
@@ -58,8 +58,7 @@ fn benchmark_is_stable_with_pressure_feedback_and_unstable_without() {
     let mut without = crane();
     without.set("controller.pressure_feedback_m3_per_spa=0").unwrap();
     let speed = with.numbers.fast;
-    // tracking error in the last second of rest: a stable loop holds its place there, an unstable
-    // one swings about it
+    // tracking error in the last second of rest: a stable loop is at rest there, an unstable one oscillates
     let swing = |crane: &Description| match run(
         crane,
         crane,
@@ -70,7 +69,7 @@ fn benchmark_is_stable_with_pressure_feedback_and_unstable_without() {
             let tail = &done.samples[done.samples.len() - 1000..];
             tail.iter().map(|s| s.error().abs()).fold(0.0, f64::max)
         }
-        // shaken out of the model's validity
+        // the oscillation left the model's range of validity
         Err(_) => f64::INFINITY,
     };
     let (with, without) = (swing(&with), swing(&without));

@@ -5,8 +5,8 @@
 //! one period ago is still feasible except for the newest measurement. Before the first plan the command is
 //! zero.
 //!
-//! Source: J. B. Rawlings, D. Q. Mayne, M. M. Diehl, *Model Predictive Control: Theory, Computation, and Design*, second edition, 2017, section 2.7 (suboptimal model-predictive
-//! control).
+//! Source: J. B. Rawlings, D. Q. Mayne, M. M. Diehl, *Model Predictive Control: Theory, Computation, and
+//! Design*, second edition, 2017, section 2.7 (suboptimal model-predictive control).
 
 use super::horizon::{BLOCKS, advanced};
 

@@ -6,7 +6,8 @@
 //! minimise ½ Σ_k Σ_j (c_jᵀ δz(k) + d_j δu_k + r_j)² + ½ Σ_k (s_k δu_k + o_k)² + ½ (δz(N) + e)ᵀ P (δz(N) + e)
 //! ```
 //!
-//! Source: H. G. Bock, K. J. Plitt, *A multiple shooting algorithm for direct solution of optimal control problems*, 1984 (condensing).
+//! Source: H. G. Bock, K. J. Plitt, *A multiple shooting algorithm for direct solution of optimal control
+//! problems*, 1984 (condensing).
 
 use super::horizon::BLOCKS;
 use super::quadratic_program::QuadraticProgram;

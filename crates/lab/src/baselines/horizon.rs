@@ -5,7 +5,8 @@
 //! regulator with that period. The regulator's cost-to-go is the terminal cost, which replaces a longer
 //! horizon.
 //!
-//! Source: R. Cagienard, P. Grieder, E. C. Kerrigan, M. Morari, *Move blocking strategies in receding horizon control*, Journal of Process Control 17(6), 2007.
+//! Source: R. Cagienard, P. Grieder, E. C. Kerrigan, M. Morari, *Move blocking strategies in receding
+//! horizon control*, Journal of Process Control 17(6), 2007.
 
 /// Number of blocks in the horizon.
 pub(super) const BLOCKS: usize = 30;

@@ -6,7 +6,8 @@
 //! cost-to-go. Without an active limit the controller equals the regulator, except that commands are
 //! constant within a block.
 //!
-//! Source: D. Q. Mayne, J. B. Rawlings, C. V. Rao, P. O. M. Scokaert, *Constrained model predictive control: stability and optimality*, Automatica 36(6), 2000.
+//! Source: D. Q. Mayne, J. B. Rawlings, C. V. Rao, P. O. M. Scokaert, *Constrained model predictive
+//! control: stability and optimality*, Automatica 36(6), 2000.
 
 use super::command_plan::CommandPlan;
 use super::condensed::{Block, Limit, Linear, condense};

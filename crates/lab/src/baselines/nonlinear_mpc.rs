@@ -7,8 +7,8 @@
 //! simulated, not unknowns of the program (single shooting), because the crane is stable without control.
 //! Estimator, weights, reference and cost-to-go are those of the scheduled LQR.
 //!
-//! Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization in optimal feedback control*, 2005,
-//! doi:10.1137/S0363012902400713.
+//! Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization
+//! in optimal feedback control*, 2005, doi:10.1137/S0363012902400713.
 
 use super::command_plan::CommandPlan;
 use super::condensed::condense;

@@ -8,7 +8,8 @@
 //! NEES = e²/σ²          mean 1
 //! ```
 //!
-//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4.
+//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
+//! 2001, section 5.4.
 
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};

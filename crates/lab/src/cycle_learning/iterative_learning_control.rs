@@ -1,7 +1,8 @@
 //! Norm-optimal iterative learning control of the motor speed.
 //!
-//! Commands of cycle j are `u_j = u_0 + Φ p_j`, Φ continuous and piecewise linear; the tracking error is `e_j = e_0 + G p_j`, G from the model
-//! linearised along the reference. The next parameters minimise `|e_{j+1}|² + ρ |p_{j+1} − p_j|² + μ |p_{j+1}|²`:
+//! Commands of cycle j are `u_j = u_0 + Φ p_j`, Φ continuous and piecewise linear; the tracking error is
+//! `e_j = e_0 + G p_j`, G from the model linearised along the reference. The next parameters minimise
+//! `|e_{j+1}|² + ρ |p_{j+1} − p_j|² + μ |p_{j+1}|²`:
 //!
 //! ```text
 //! p_{j+1} = (GᵀG + (ρ + μ) I)⁻¹ ((GᵀG + ρ I) p_j − Gᵀ e_j)

@@ -1,4 +1,4 @@
-//! What each limit costs on a crane along a course, alone and beside the others.
+//! Cost of each performance limit on a crane along a course, alone and together with the others.
 
 use super::conditions::{Condition, conditions};
 use super::crane_along_course::CraneAlongCourse;
@@ -16,24 +16,24 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What limits performance.
+/// Limit of performance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Limit {
     /// Largest motor speed.
     MotorSpeed,
-    /// Largest change of motor speed.
+    /// Largest rate of change of the motor speed.
     Slew,
     /// Sensors, fieldbus and control period.
     Delay,
     /// Noise and resolution of the sensors.
     SensorNoise,
-    /// A payload that is unknown when the course begins.
+    /// Payload that is unknown when the course begins.
     UnknownPayload,
 }
 
 impl Limit {
-    /// All of them.
+    /// All limits.
     pub const ALL: [Self; 5] =
         [Self::MotorSpeed, Self::Slew, Self::Delay, Self::SensorNoise, Self::UnknownPayload];
 
@@ -48,66 +48,70 @@ impl Limit {
         }
     }
 
-    /// Whether it is of the motor, and costs something whoever knows all.
+    /// Whether it is a limit of the motor, which applies even with complete knowledge.
     pub fn is_of_motor(self) -> bool {
         matches!(self, Self::MotorSpeed | Self::Slew)
     }
 }
 
-/// What a limit costs.
+/// Cost of a limit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LimitCost {
-    /// The limit.
+    /// Limit.
     pub limit: Limit,
-    /// Least RMS true error with this limit and no other.
+    /// Smallest RMS true error with this limit alone.
     pub alone_mm: f64,
-    /// Least RMS true error with all limits but this one.
+    /// Smallest RMS true error with all limits except this one.
     pub all_others_mm: f64,
 }
 
-/// Least tracking errors of a crane along a course, RMS of the true piston over the whole course, rests included.
+/// Lower bounds of the tracking error of a crane along a course: RMS true error over the whole course,
+/// rests included.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PerformanceBounds {
     /// Name of the course.
     pub course: String,
     /// Without any limit.
     pub none_mm: f64,
-    /// What each limit costs.
+    /// Cost of each limit.
     pub limits: Vec<LimitCost>,
-    /// With both limits of the motor, all else known and undelayed.
+    /// With both limits of the motor, complete knowledge and no delay.
     pub motor_mm: f64,
     /// With delay, sensor noise and unknown payload, and a motor without limits.
     pub information_mm: f64,
     /// With all limits.
     pub all_mm: f64,
-    /// With all limits, where neither the reference nor a change of the load is known ahead: from the reference on which it is the crane learns of each change when it
-    /// comes, and commands are on their way for as long as fieldbus and drive take. No less than where all is known ahead.
+    /// With all limits and without preview of reference and load changes. The crane starts on the reference
+    /// and learns of each change when it occurs. Commands are delayed by fieldbus and drive. No smaller
+    /// than the bound with preview.
     pub not_known_ahead_mm: f64,
-    /// Share of `motor_mm` by which a better motion of the linearised model could be below it, at most; 0 where that is below 1e-6 mm.
+    /// Largest possible gap below `motor_mm`, as a share of it: another motion of the linearised model
+    /// might be better by that much. Zero if `motor_mm` is below 1e-6 mm.
     pub motor_gap_percent: f64,
-    /// Estimate, no bound: feedforward alone with the payload as it is estimated on the way.
+    /// Estimate, not a bound: feedforward alone, with the payload estimated during the course.
     pub feedforward_mm: f64,
-    /// Standard deviation of the payload before the course begins, when the first ramp begins, and at the end.
+    /// Standard deviation of the payload before the course, at the start of the first ramp, and at the end.
     pub payload_deviation_kg: [f64; 3],
     /// Numbers that the bounds depend on.
     pub conditions: Vec<Condition>,
 }
 
-/// Parts of the work: the model, four motions, prediction errors.
+/// Number of parts of the computation: the model, four motions, prediction errors.
 pub const BOUND_PARTS: usize = 6;
 
-/// An error that is none \[mm\]: the searches for motions end at a tenth of it.
+/// Error that counts as zero \[mm\]; the searches for motions end at a tenth of it.
 const NONE: f64 = 1e-6;
 
-/// Longest course \[s\]: its covariances and slopes take some 0.5 GB.
+/// Longest course \[s\]: its covariances and derivatives take about 0.5 GB.
 pub const LONGEST_COURSE: f64 = 300.0;
 
-/// Bounds of a crane along a course with a payload that is unknown between two ends \[kg\]. None where `go_on`, which is told how many of [`BOUND_PARTS`] are
-/// done, said no.
+/// Bounds of a crane along a course with an unknown payload between two limits \[kg\]. `go_on` receives the
+/// number of completed parts out of [`BOUND_PARTS`]; none if it returned false.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the course takes longer than 300 s, the crane has no reduced model, or no best motion is found.
+/// [`LabError`] if the course is longer than 300 s, the crane has no reduced model, or a search does not
+/// converge.
 pub fn performance_bounds(
     crane: &Description,
     course: &dyn Course,
@@ -128,7 +132,7 @@ pub fn performance_bounds(
     }
     let n = &crane.numbers;
     let (speed, slew, none) = (n.motor_speed, n.motor_slew, f64::INFINITY);
-    // the last one is told of nothing ahead
+    // the last one has no preview
     let motors =
         [(speed, none, true), (none, slew, true), (speed, slew, true), (speed, slew, false)];
     let blind = Delay::of(crane).command_periods();
@@ -195,7 +199,7 @@ pub fn performance_bounds(
     Ok(go_on(BOUND_PARTS).then_some(bounds))
 }
 
-/// What is known of a crane along its reference.
+/// Information on a crane along its reference.
 struct Knowledge {
     course: super::prediction_error::LinearCourse<STATES>,
     delay: Delay,
@@ -204,7 +208,7 @@ struct Knowledge {
     unknown: [[f64; STATES]; STATES],
 }
 
-/// What is left of an error by what is not known.
+/// Remaining error due to incomplete information.
 struct Left {
     rms_mm: f64,
     covariances: Vec<[[f64; STATES]; STATES]>,
@@ -228,7 +232,7 @@ impl Knowledge {
         }
     }
 
-    /// With a delay, noise of the sensors, and an unknown payload, or without.
+    /// Remaining error with or without delay, sensor noise and unknown payload.
     fn left(&self, delay: bool, noise: bool, payload: bool) -> Left {
         let known = Information {
             initial: if payload { self.unknown } else { [[0.0; STATES]; STATES] },
@@ -247,7 +251,7 @@ mod tests {
     use crate::closed_loop::scenario::CourseChoice;
     use hydroboom_control::strategy::Strategy;
 
-    /// The paper's virtual crane with a motion of a few seconds, and its model.
+    /// The paper's crane and its virtual crane with a motion of a few seconds.
     fn short() -> [Description; 2] {
         [Description::uia_single_boom(), Description::uia_virtual()].map(|crane| {
             let mut crane = crane.unwrap();
@@ -258,7 +262,7 @@ mod tests {
         })
     }
 
-    /// Its model with typical equipment, which is linearised sooner.
+    /// The model with typical equipment, which is linearised faster.
     fn equipped() -> Description {
         let [model, _] = short();
         model.virtual_crane().0
@@ -271,7 +275,7 @@ mod tests {
 
     const PAYLOADS: [f64; 2] = [280.0, 380.0];
 
-    /// To leave a limit out never costs anything, and what is not known ahead never helps.
+    /// Removing a limit never increases the bound, and missing preview never reduces it.
     #[test]
     fn limits_together_cost_no_less_than_any_alone() {
         let crane = equipped();
@@ -282,17 +286,17 @@ mod tests {
                 "{cost:?}"
             );
         }
-        // each of the motor's limits is one of both, and all limits are more than the motor's
+        // each motor limit alone is weaker than both, and the motor's limits are weaker than all
         let cost = |limit| found.limits.iter().find(|cost| cost.limit == limit).unwrap();
         let motor = [Limit::MotorSpeed, Limit::Slew].map(|limit| cost(limit).alone_mm);
         assert!(motor.iter().all(|alone| *alone <= 1.001 * found.motor_mm), "{motor:?}");
         assert!(found.motor_mm < found.all_mm && found.information_mm < found.all_mm);
         assert!(found.all_mm < found.not_known_ahead_mm, "{found:?}");
-        // what is known exactly and at once is made good for
+        // a payload that is known exactly and at once costs nothing
         assert!(cost(Limit::UnknownPayload).alone_mm < 1e-6);
     }
 
-    /// What is left of noise and drifts is linear in them: twice as large, they leave twice the error.
+    /// The error due to noise and drifts is linear in them: doubled, they double the error.
     #[test]
     fn noise_and_drifts_that_are_twice_as_large_leave_twice_the_error() {
         let crane = equipped();
@@ -311,7 +315,7 @@ mod tests {
             ] {
                 *value *= times;
             }
-            // resolution of the pressure
+            // coarser resolution of the pressure
             n.pressure_bits -= times.log2();
             Knowledge::new(&crane, &along, PAYLOADS).left(true, true, false).rms_mm
         };
@@ -346,7 +350,7 @@ mod tests {
         assert!(before > begun && begun > ended, "{before} {begun} {ended} kg");
     }
 
-    /// Whoever controls: each strategy is above the bound of its conditions, also where the motor is too slow.
+    /// Each strategy's error exceeds the bound under the same conditions, also with too slow a motor.
     #[test]
     fn every_strategy_is_above_the_bound() {
         let cranes = short();

@@ -1,4 +1,4 @@
-//! Numbers that bounds depend on, with their units and sources.
+//! Numbers that the bounds depend on, with units and sources.
 
 use super::delay::Delay;
 use super::disturbances::Disturbances;
@@ -7,16 +7,16 @@ use super::unknown_payload::deviation;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// A number that bounds depend on.
+/// Number that the bounds depend on.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Condition {
-    /// What it is.
+    /// Name of the quantity.
     pub name: &'static str,
     /// Its value.
     pub value: f64,
     /// Unit of the value.
     pub unit: &'static str,
-    /// Keys of the crane file that it comes from, with their provenance.
+    /// Keys of the crane file that determine it, with their provenance.
     pub source: String,
 }
 

@@ -1,4 +1,5 @@
-//! The crane along a course, for bounds: the reduced model of the crane file, load on boom and oil with friction and leakage, and its exact slopes.
+//! Crane along a course, for the bounds: reduced model of the crane file (load on boom and oil with
+//! friction and leakage) and its exact derivatives.
 
 use crate::LabError;
 use crate::closed_loop::scenario::{Course, due};
@@ -11,36 +12,39 @@ use hydroboom_design::operating_points::rod_side_term;
 use hydroboom_design::reduced_model_fit::reduced_model;
 use hydroboom_math::Dual;
 
-/// Steps of the fixed point between pressure and deflection of the boom: each leaves a hundredth of what the one before did.
+/// Iterations of the fixed point between pressure and deflection of the boom. Each reduces the error by a
+/// factor of about 100.
 const DEFLECTION_STEPS: usize = 6;
-/// A change of the reference's acceleration that counts \[m/s²\]: a ramp's corner, not the rounding of set points or the bend of an S-curve within a period.
+/// Smallest change of the reference's acceleration that counts \[m/s²\]. It detects the corner of a ramp,
+/// not rounding of set points or the curvature of an S-curve within a period.
 const CHANGE: f64 = 1e-3;
 
-/// A crane and where its piston shall be at the end of each control period.
+/// Crane with the set point of its piston at the end of each control period.
 pub(super) struct CraneAlongCourse {
     pub model: ReducedModel<f64>,
-    /// Payload when the course begins \[kg\]; that of each time is in its state.
+    /// Payload when the course begins \[kg\]; later values are in the states.
     pub payload: f64,
     /// Transition pressure of the oil \[Pa\].
     pub transition_pressure: f64,
-    /// Piston-side pressure beyond the load pressure \[Pa\].
+    /// Piston-side pressure minus load pressure \[Pa\].
     pub rod_side_term: f64,
     /// Control period \[s\].
     pub period: f64,
     /// Set points at the times 0, T, 2 T ...
     pub reference: Vec<SetPoint<f64>>,
-    /// States on the reference at these times, with the friction that the way there has left and the payload that hangs from then on.
+    /// States on the reference at these times, with the friction due to the motion before and the payload
+    /// from then on.
     pub states: Vec<MachineState<f64>>,
-    /// Motor speeds \[rev/s\] that keep the load pressure of these states: for travel and leakage.
+    /// Motor speeds \[rev/s\] for the motion and the leakage of these states.
     pub motor_speeds: Vec<f64>,
 }
 
 impl CraneAlongCourse {
-    /// Of the crane of a description.
+    /// Builds it for a description.
     ///
     /// # Errors
     ///
-    /// [`LabError`] when it has no reduced model.
+    /// [`LabError`] if there is no reduced model.
     pub fn new(crane: &Description, course: &dyn Course) -> Result<Self, LabError> {
         let period = crane.numbers.control_period;
         let periods = (course.duration() / period).round() as usize;
@@ -59,7 +63,7 @@ impl CraneAlongCourse {
         let (mut loads, mut payload) = (course.loads(), along.payload);
         for k in 0..=periods {
             payload = due(&mut loads, k as f64 * period).unwrap_or(payload);
-            // Dahl's law, as the model has it
+            // Dahl's friction law, as in the model
             let bending = model.presliding_stiffness * period * along.reference[k].velocity;
             friction = (friction + bending) / (1.0 + bending.abs() / model.coulomb);
             let state = along.on_reference(k, along.acceleration(k), friction, payload);
@@ -70,7 +74,7 @@ impl CraneAlongCourse {
         Ok(along)
     }
 
-    /// Control periods.
+    /// Number of control periods.
     pub fn periods(&self) -> usize {
         self.reference.len() - 1
     }
@@ -81,9 +85,10 @@ impl CraneAlongCourse {
         (next - self.reference[k].velocity) / self.period
     }
 
-    /// State on the reference at time k with an acceleration \[m/s²\], a friction over the piston's area \[Pa\] and a payload \[kg\]. The load is at y = x − γ p, where the boom lets it
-    /// be, and the pressure is the one that holds it there and moves it: p = p_0(y) + p_0'(y) γ p + a/a_p(y) + p_v x' + f, which is p_0(x) and what moves. The boom bends with the
-    /// pressure, and not with its rate.
+    /// State on the reference at time k for an acceleration a \[m/s²\], a friction f over the piston's area
+    /// \[Pa\] and a payload \[kg\]. The load is at y = x − γ p. The pressure balances and accelerates it: p
+    /// = p_0(y) + p_0'(y) γ p + a/a_p(y) + p_v x' + f, which is p_0(x) plus the terms of the motion. The
+    /// boom's deflection follows the pressure, without a term for its rate.
     fn on_reference(
         &self,
         k: usize,
@@ -112,15 +117,15 @@ impl CraneAlongCourse {
         state
     }
 
-    /// Times at which the reference changes its acceleration, or the load.
+    /// Times at which the reference's acceleration or the load changes.
     pub fn changes(&self) -> Vec<usize> {
         let turns = |k: usize| (self.acceleration(k) - self.acceleration(k - 1)).abs() > CHANGE;
         let loads = |k: usize| self.states[k].payload != self.states[k - 1].payload;
         (1..self.periods()).filter(|&k| turns(k) || loads(k)).collect()
     }
 
-    /// State and motor speed \[rev/s\] of a crane that is exactly on the reference at time k, and knows of no change then: it has the acceleration and the payload of the period
-    /// before.
+    /// State and motor speed \[rev/s\] of a crane exactly on the reference at time k that does not know of
+    /// a change then. They have the acceleration and payload of the previous period.
     pub fn before_change(&self, k: usize) -> (MachineState<f64>, f64) {
         let before = &self.states[k - 1];
         let (acceleration, friction) = (self.acceleration(k - 1), self.states[k].friction);
@@ -136,7 +141,8 @@ impl CraneAlongCourse {
         (state, inflow / model.displacement + model.leakage(pressure))
     }
 
-    /// Change of the motor speed along the reference with the payload \[rev/s/kg\], in the period after time k, by the approximate inverse of the model.
+    /// Derivative of the motor speed along the reference with respect to the payload \[rev/s/kg\], in the
+    /// period after time k, by the approximate inverse of the model.
     pub fn motor_speed_by_payload(&self, k: usize) -> f64 {
         type Slope = Dual<f64, 1>;
         let now = self.acceleration(k);
@@ -161,7 +167,8 @@ impl CraneAlongCourse {
 mod tests {
     use super::*;
 
-    /// The model itself, at its own state on the reference, has the reference's acceleration and its piston the reference's position; the boom's deflection is counted once.
+    /// At its state on the reference the model has the reference's acceleration, and its piston the
+    /// reference's position. The boom's deflection is counted once.
     #[test]
     fn the_model_is_in_balance_on_the_reference() {
         let mut crane = Description::uia_single_boom().unwrap();

@@ -1,19 +1,21 @@
-//! Delay from a piston position to what is done about it: sensors, fieldbus, control period, dead time of the drive.
+//! Delay from a piston position to the effect of the resulting command: sensors, fieldbus, control period,
+//! dead time of the drive.
 //!
-//! A reading of period k comes c cycles later, a command of then arrives c cycles later and acts in the period that follows. The lag of the position sensor
-//! is counted as dead time, which it is for what is slow beside its bandwidth. The lag of the drive is not counted: with the reference known, a command is
-//! given as much sooner.
+//! A measurement of period k arrives c cycles later. Its command arrives c cycles after that and acts in
+//! the following period. The lag of the position sensor counts as dead time, an approximation for signals
+//! slow compared with its bandwidth. The lag of the drive does not count: with a known reference the
+//! command is advanced by it.
 
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::known_delay;
 use std::f64::consts::TAU;
 
-/// Parts of the delay.
+/// Components of the delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Delay {
     /// Control period \[s\].
     pub period: f64,
-    /// Of fieldbus to the drive, and again from the sensor \[cycles\].
+    /// Delay of the fieldbus in each direction \[cycles\].
     pub fieldbus_cycles: u32,
     /// Lag of the position sensor \[s\].
     pub sensor_lag: f64,
@@ -22,7 +24,7 @@ pub(super) struct Delay {
 }
 
 impl Delay {
-    /// Of a crane; no fieldbus and no sensor lag where its file has none.
+    /// Delay of a crane; components that its file does not have are zero.
     pub fn of(crane: &Description) -> Self {
         let n = &crane.numbers;
         let bandwidth = n.sensor_bandwidth;
@@ -34,19 +36,20 @@ impl Delay {
         }
     }
 
-    /// All of it, in control periods.
+    /// Total delay in control periods.
     pub fn periods(&self) -> f64 {
         2.0 * f64::from(self.fieldbus_cycles)
             + 1.0
             + (self.sensor_lag + self.dead_time) / self.period
     }
 
-    /// Whole periods from what becomes known to the motor: the fieldbus to the drive and the drive's dead time.
+    /// Whole periods from new information to the motor: the fieldbus to the drive and the drive's dead
+    /// time.
     pub fn command_periods(&self) -> usize {
         self.fieldbus_cycles as usize + (self.dead_time / self.period) as usize
     }
 
-    /// All of it \[s\].
+    /// Total delay \[s\].
     pub fn time(&self) -> f64 {
         self.periods() * self.period
     }
@@ -56,13 +59,14 @@ impl Delay {
 mod tests {
     use super::*;
 
-    /// Two cycles each way, the period itself, half a period of the sensor, a period and a half of the drive.
+    /// Two cycles in each direction, one control period, half a period of the sensor, one and a half
+    /// periods of the drive.
     #[test]
     fn all_parts_of_the_delay_add_up() {
         let delay =
             Delay { period: 1e-3, fieldbus_cycles: 2, sensor_lag: 0.5e-3, dead_time: 1.5e-3 };
         assert!((delay.periods() - 7.0).abs() < 1e-12 && (delay.time() - 7e-3).abs() < 1e-15);
-        // two cycles of the way there, and the whole period of the drive's
+        // two cycles to the drive and the whole period of its dead time
         assert_eq!(delay.command_periods(), 3);
         let mut crane = Description::uia_virtual().unwrap();
         let before = Delay::of(&crane).periods();

@@ -1,7 +1,8 @@
-//! What nobody can know beforehand, and the crane linearised along its reference with it.
+//! Unpredictable disturbances, and the crane linearised along its reference with them.
 //!
-//! Unknown force d, unknown flow r and friction f drift as the crane file's section `[estimator]` says, which is what its Kalman filter reckons with. What the
-//! filter counts as noise because its reduced model leaves it out, boom modes and pump ripple, is known to whoever knows the whole model, and is not counted.
+//! Unknown force d, unknown flow r and friction f drift as stated in the crane file's section
+//! `[estimator]`, as in its Kalman filter. Boom modes and pump ripple, which the filter's reduced model
+//! omits and treats as noise, are not counted: the complete model predicts them.
 
 use super::crane_along_course::CraneAlongCourse;
 use super::prediction_error::LinearCourse;
@@ -12,7 +13,7 @@ use hydroboom_control::estimation::reduced_model::{MachineState, STATES};
 use hydroboom_description::Description;
 use hydroboom_math::Dual;
 
-/// Random walks, as the standard deviation of what they move in a second.
+/// Random walks: standard deviation of the change in one second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Disturbances {
     /// Unknown force over the piston's area \[Pa/√s\]; it decays with `estimator.disturbance_time_s`.
@@ -24,7 +25,7 @@ pub(super) struct Disturbances {
 }
 
 impl Disturbances {
-    /// As the crane file has them.
+    /// Disturbances of the crane file.
     pub fn of(crane: &Description) -> Self {
         let tuning = &crane.numbers.tuning;
         Self {
@@ -35,7 +36,7 @@ impl Disturbances {
     }
 }
 
-/// The crane linearised along its reference, with exact slopes.
+/// Crane linearised along its reference with exact derivatives.
 pub(super) fn linearised(
     crane: &CraneAlongCourse,
     disturbances: &Disturbances,

@@ -1,11 +1,14 @@
-//! Performance bounds: the least true tracking error of a crane along a course, whoever controls, and what each limit costs.
+//! Performance bounds: smallest true tracking error of a crane along a course for any controller, and the
+//! cost of each limit.
 //!
-//! Two parts, which add in squares. The motion that is expected, given what can be known beforehand, is no better than the best motion of a motor with limits
-//! of speed and slew. What is not known in time, by delay, noise, or an unknown payload, leaves the
-//! prediction error of the piston. For linear plants both are bounds, for any linear causal controller:
+//! The bound has two parts, whose squares add. The expected motion, given the prior information, is no
+//! better than the best motion of a motor with limits of speed and slew rate. Missing information, due to
+//! delay, noise or an unknown payload, leaves the prediction error of the piston position. For linear
+//! plants both are bounds for any linear causal controller:
 //!
 //! ```text
-//! E e_k² = (E e_k)² + Var e_k,   Σ (E e_k)² ≥ the best motion's,   Var e_k ≥ Var(x_k | what could be acted on)
+//! E e_k² = (E e_k)² + Var e_k,   Σ (E e_k)² ≥ that of the best motion,   Var e_k ≥ Var(x_k | usable
+//! measurements)
 //! ```
 
 mod assessment;

@@ -1,9 +1,11 @@
-//! Limits of the motor, speed and slew: the least tracking error that the best motor speeds leave, with the whole model and the whole reference known.
+//! Limits of the motor, speed and slew rate: smallest tracking error for optimal motor speeds, with the
+//! complete model and reference known.
 //!
-//! The crane is linearised along the reference with exact slopes, and the [convex problem](super::optimal_control) of its motor speeds is solved: what is found is
-//! the least error of the linearised crane, but for a duality gap that is told. The motor speed itself is optimised: where speed and slew are all that limits
-//! it, what lies between command and motor, a known lag or dead time, costs nothing along a known reference. Without a limit on the slew the motor speed is
-//! constant in each period, with one it is continuous and piecewise linear.
+//! The crane is linearised along the reference with exact derivatives, and the [convex
+//! problem](super::optimal_control) of its motor speeds is solved. The result is the smallest error of the
+//! linearised crane up to a reported duality gap. The motor speed itself is optimised. A known lag or dead
+//! time between command and motor has no cost along a known reference. Without a slew limit the motor speed
+//! is constant in each period; with one it is continuous and piecewise linear.
 
 use super::crane_along_course::CraneAlongCourse;
 use super::optimal_control::{LinearPeriod, Solution, best_deviation};
@@ -13,21 +15,22 @@ use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_math::Dual;
 use nalgebra::{SMatrix, SVector};
 
-/// Load position and velocity, load pressure, friction, motor speed.
+/// Number of states: load position and velocity, load pressure, friction, motor speed.
 const STATES: usize = 5;
-/// Their units: mm, mm/s, bar, bar, rev/s.
+/// Scaling units of the states: mm, mm/s, bar, bar, rev/s.
 const UNITS: [f64; STATES] = [1e-3, 1e-3, 1e5, 1e5, 1.0];
-/// What a change of motor speed by 1 rev/s from one period to the next costs as a tracking error \[mm\]: next to nothing, so that a best is one.
+/// Cost of a change of motor speed by 1 rev/s between periods, as a tracking error \[mm\]. It is small and
+/// makes the optimum unique.
 const CHANGE_AS_ERROR: f64 = 1e-5;
-/// Errors smaller than this RMS \[mm\] do not count, nor does this share of the sum of squares.
+/// Convergence tolerances: RMS error \[mm\], and share of the sum of squares.
 const SMALLEST: f64 = 1e-7;
 const SHARE: f64 = 1e-6;
-/// Share of the limits that the motion keeps within from which the search begins.
+/// Share of the limits that the initial motion of the search keeps.
 const INSIDE: f64 = 0.9;
 
 type Slopes = Dual<f64, STATES>;
 
-/// Which limits of the motor count.
+/// Active limits of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MotorLimits {
     /// Largest speed \[rev/s\]; infinite for none.
@@ -36,31 +39,32 @@ pub(super) struct MotorLimits {
     pub slew: f64,
 }
 
-/// Error of the motion that the best motor speeds make.
+/// Error of the optimal motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LeastError {
-    /// RMS of the motion that was found \[mm\].
+    /// RMS error of the motion found \[mm\].
     pub rms_mm: f64,
-    /// No motion of the linearised crane has a smaller one \[mm\]: the duality gap and the weight of changes of speed in the cost are taken off.
+    /// Lower bound of the RMS error for the linearised crane \[mm\]: duality gap and cost of speed changes
+    /// are subtracted.
     pub least_mm: f64,
 }
 
-/// The crane with its motor speed as a state, linearised along its reference.
+/// Crane with its motor speed as a state, linearised along its reference.
 struct MotorDriven<'a> {
     crane: &'a CraneAlongCourse,
     model: ReducedModel<Slopes>,
-    /// Share of a change of motor speed that the mean of its period has.
+    /// Share of a change of motor speed that enters the mean of its period.
     share: f64,
 }
 
 impl<'a> MotorDriven<'a> {
-    /// Of a crane; with a limit of its slew the motor speed is linear in each period, without one constant.
+    /// With a slew limit the motor speed is linear in each period, otherwise constant.
     fn new(crane: &'a CraneAlongCourse, limits: MotorLimits) -> Self {
         let share = if limits.slew.is_finite() { 0.5 } else { 1.0 };
         Self { crane, model: crane.model.map(Slopes::constant), share }
     }
 
-    /// A state with its slopes by the scaled states.
+    /// State as dual numbers with derivatives with respect to the scaled states.
     fn variables(state: &MachineState<f64>) -> MachineState<Slopes> {
         let mut direction = 0..STATES;
         state.map(|value| {
@@ -73,17 +77,17 @@ impl<'a> MotorDriven<'a> {
         })
     }
 
-    /// What moves, scaled, with a motor speed.
+    /// States of the problem with a motor speed.
     fn moving<T>(state: MachineState<T>, motor_speed: T) -> [T; STATES] {
         let MachineState { position, velocity, load_pressure, friction, .. } = state;
         [position, velocity, load_pressure, friction, motor_speed]
     }
 
-    /// The period after time k, in which the motor of the motion changes its speed from `from` to `to` \[rev/s\].
+    /// Linearised period after time k, in which the motor speed changes from `from` to `to` \[rev/s\].
     fn period(&self, k: usize, [from, to]: [f64; 2]) -> LinearPeriod<STATES> {
         let crane = self.crane;
         let constant = Slopes::constant;
-        // slopes are those of the flow that keeps the pressure
+        // the derivatives are taken at the motor speed that keeps the pressure
         let balanced = crane.motor_speeds[k];
         let mut speed = constant(balanced);
         speed.slope[STATES - 1] = 1.0;
@@ -116,11 +120,11 @@ impl<'a> MotorDriven<'a> {
     }
 }
 
-/// The least error of a crane along its reference; none where `go_on` said no.
+/// Smallest error of a crane along its reference; none if `go_on` returned false.
 ///
 /// # Errors
 ///
-/// [`LabError::NoBound`] when the search does not end.
+/// [`LabError::NoBound`] if the search does not converge.
 pub(super) fn least_error(
     crane: &CraneAlongCourse,
     limits: MotorLimits,
@@ -138,13 +142,14 @@ pub(super) fn least_error(
     Ok(Some(LeastError::of(found, crane)))
 }
 
-/// The least error where changes of the reference's acceleration and of the load are not known ahead: whenever one comes, the crane is exactly on the reference and knows of none. For
-/// so many periods more (`blind`) its motor goes on as before, since commands are on their way; then it is driven as is best for all that follows up to the next change. None where
-/// `go_on` said no.
+/// Smallest error without preview of changes of the reference's acceleration and of the load. At each
+/// change the crane is exactly on the reference and does not know of it. For `blind` further periods the
+/// motor continues as before, because commands are delayed. Then it follows the optimum for all that
+/// follows up to the next change. None if `go_on` returned false.
 ///
 /// # Errors
 ///
-/// [`LabError::NoBound`] when a search does not end.
+/// [`LabError::NoBound`] if a search does not converge.
 pub(super) fn least_error_without_preview(
     crane: &CraneAlongCourse,
     limits: MotorLimits,
@@ -188,12 +193,12 @@ pub(super) fn least_error_without_preview(
 }
 
 impl MotorLimits {
-    /// What the motion keeps within from which the search begins, the slew as a change in a period.
+    /// Limits of the initial motion of the search, with the slew rate as a change per period.
     fn inside(self, crane: &CraneAlongCourse) -> ActuatorLimits<f64> {
         ActuatorLimits { speed: INSIDE * self.speed, slew: INSIDE * self.slew * crane.period }
     }
 
-    /// The best deviation within them.
+    /// Optimal deviation within these limits.
     fn best(
         self,
         crane: &CraneAlongCourse,
@@ -208,7 +213,7 @@ impl MotorLimits {
 }
 
 impl LeastError {
-    /// Over all samples of the course.
+    /// Error over all samples of the course.
     fn of(found: Solution, crane: &CraneAlongCourse) -> Self {
         let rms = |square: f64| (square / crane.reference.len() as f64).sqrt();
         Self { rms_mm: rms(found.square), least_mm: rms(found.least) }
@@ -241,7 +246,7 @@ mod tests {
         found.unwrap().unwrap().rms_mm
     }
 
-    /// Without limits any motion is made, with the reference known.
+    /// Without limits any motion is possible with a known reference.
     #[test]
     fn a_motor_without_limits_makes_any_motion() {
         let crane = crane();
@@ -251,7 +256,8 @@ mod tests {
         assert!(found.rms_mm < SMALLEST, "{found:?}");
     }
 
-    /// Whoever sees a change when it comes is no better than who knows it ahead, and worse the longer commands are on their way.
+    /// Without preview the error is no smaller than with preview, and it grows with the delay of the
+    /// commands.
     #[test]
     fn what_is_not_known_ahead_costs_more_the_later_it_is_acted_on() {
         let crane = crane();
@@ -263,14 +269,15 @@ mod tests {
             known < at_once && at_once < later && later < latest,
             "{known} {at_once} {later} {latest}"
         );
-        // nobody who acts so late has less than what the acceleration alone makes until then: ½ a t² after each of eight changes
+        // during the delay the acceleration a alone produces an error of at least ½ a t² after each of
+        // eight changes
         let (a, t) = (crane.numbers.fast / crane.numbers.ramp, 10.0 * along.period);
         let square = 8.0 * (500.0 * a * t * t).powi(2) * t / 5.0;
         let least = (square / course.duration()).sqrt();
         assert!(latest > least, "{latest} {least} mm");
     }
 
-    /// Rests, and gets another load on the way.
+    /// Course at rest with a load change.
     struct Loaded {
         duration: f64,
         loads: [Load; 1],
@@ -295,7 +302,7 @@ mod tests {
         }
     }
 
-    /// A load that is hung on unforeseen costs more than one that is known to come, and more of it costs more.
+    /// A load change without preview costs more than one with preview, and a larger one costs more.
     #[test]
     fn a_load_that_is_not_known_ahead_costs_more_than_one_that_is() {
         let crane = crane();

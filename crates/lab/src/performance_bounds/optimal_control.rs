@@ -1,70 +1,79 @@
 //! Optimal control of a linear time-varying plant whose motor has limits of speed and slew: a convex quadratic program.
 //!
 //! ```text
-//! minimise  ½ Σ (e_k + h_kᵀ z_k)² + ½ ε² Σ (v̄_k + v_k)²   subject to   z_{k+1} = A_k z_k + b_k v_k + c_k,   |n̄_{k+1} + n_{k+1}| ≤ n_max,   |v̄_k + v_k| ≤ v_max
+//! minimise    ½ Σ (e_k + h_kᵀ z_k)² + ½ ε² Σ (v̄_k + v_k)²
+//! subject to  z_{k+1} = A_k z_k + b_k v_k + c_k,   |n̄_{k+1} + n_{k+1}| ≤ n_max,   |v̄_k + v_k| ≤ v_max
 //! ```
 //!
-//! e_k is the tracking error \[mm\], z_k and v_k are deviations from a motion; the last entry of z_k is the motor speed n_k. Mehrotra's predictor-corrector method, a primal-dual interior-point
-//! method: each step is a linear-quadratic problem with the curvature of the limits' barriers, which one Riccati recursion factorises. The products of
-//! multipliers and what is left to the limits sum up to the duality gap: the least cost is no smaller than the found one less the gap.
+//! e_k is the tracking error \[mm\]; z_k and v_k are deviations from a motion; the last entry of z_k is the
+//! motor speed n_k. The solver is Mehrotra's predictor-corrector method, a primal-dual interior-point
+//! method. Each step is a linear-quadratic problem with the curvature of the limits' barriers, factorised
+//! by one Riccati recursion. The products of multipliers and slacks sum up to the duality gap: the optimal
+//! cost is no smaller than the present cost minus the gap.
 //!
-//! The least error alone, without the cost of changes, follows from convexity. With w = v̄ + v of what was found and any changes u within the limits,
+//! The smallest error alone, without the cost of changes, follows from convexity. With w = v̄ + v of the
+//! solution and any changes u within the limits,
 //!
 //! ```text
 //! Σ e(u)² ≥ Σ e² − 2 gap − 2 ε² (wᵀu − wᵀw),   wᵀu ≤ v_max Σ |w_k|,   wᵀu ≤ n_max (|w_0| + Σ |w_k − w_{k−1}| + |w_N|)
 //! ```
 //!
-//! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, SIAM J. Optim. 2 (1992) 575-601; C. V. Rao, S. J. Wright, J. B.
-//! Rawlings, *Application of interior-point methods to model predictive control*, J. Optim. Theory Appl. 99 (1998) 723-757.
+//! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, SIAM J. Optim. 2
+//! (1992) 575-601;
+//! C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model predictive
+//! control*, J. Optim. Theory Appl. 99 (1998) 723-757.
 
 use crate::LabError;
 use nalgebra::{SMatrix, SVector};
 
-/// A period of the plant, linearised along a motion.
+/// Period of the plant, linearised along a motion.
 pub(super) struct LinearPeriod<const N: usize> {
     /// A, b and c.
     pub by_state: SMatrix<f64, N, N>,
     pub by_change: SVector<f64, N>,
     pub defect: SVector<f64, N>,
-    /// Tracking error of the motion at its end \[mm\], and its slopes h by the state.
+    /// Tracking error of the motion at the end of the period \[mm\], and its gradient h with respect to the
+    /// state.
     pub error: f64,
     pub error_by_state: SVector<f64, N>,
-    /// The motion's numbers that have limits: change of the motor speed, and the speed at its end \[rev/s\].
+    /// Limited quantities of the motion: change of the motor speed, and speed at the end of the period
+    /// \[rev/s\].
     pub limited: [f64; 2],
 }
 
-/// What the best deviations leave.
+/// Result of the optimisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Solution {
     /// Sum of squared errors \[mm²\].
     pub square: f64,
-    /// No motion has a smaller sum of squared errors \[mm²\]: the duality gap, and what the cost of changes may have kept from the errors, are taken off.
+    /// Lower bound of the sum of squared errors \[mm²\]: the duality gap and the possible effect of the
+    /// cost of changes are subtracted.
     pub least: f64,
 }
 
-/// Steps after which a search that has not ended is given up; a quarter is usual.
+/// Largest number of iterations; a quarter is typical.
 const MOST_STEPS: usize = 100;
-/// Share of the way to a limit that a step goes at most.
+/// Step length as a share of the largest step within the limits.
 const BOUNDARY: f64 = 0.995;
 
-/// What belongs to the lower and to the upper limit of each limited number of a period.
+/// Values for the lower and the upper limit of each limited quantity of a period.
 type Sides = [[f64; 2]; 2];
 
 struct Search<'a, const N: usize> {
     periods: &'a [LinearPeriod<N>],
     limits: [Option<f64>; 2],
-    /// ε: what a change of 1 rev/s costs as a tracking error \[mm\].
+    /// ε: cost of a change of 1 rev/s as a tracking error \[mm\].
     change_as_error: f64,
     changes: Vec<f64>,
     states: Vec<SVector<f64, N>>,
     multipliers: Vec<Sides>,
 }
 
-/// Factors of the Riccati recursion: what a change is worth, and its feedback, in each period.
+/// Factors of the Riccati recursion: curvature of the change and its feedback gain in each period.
 type Factors<const N: usize> = Vec<(f64, SVector<f64, N>)>;
 
 impl<const N: usize> Search<'_, N> {
-    /// What is left to the limits.
+    /// Slacks of period k.
     fn slacks(&self, k: usize) -> Sides {
         let moves = [self.changes[k], self.states[k][N - 1]];
         std::array::from_fn(|place| {
@@ -73,7 +82,7 @@ impl<const N: usize> Search<'_, N> {
         })
     }
 
-    /// Limits that there are, by their place and side.
+    /// Index and side of each active limit.
     fn held(&self) -> impl Iterator<Item = (usize, usize)> + use<N> {
         let limits = self.limits;
         (0..2)
@@ -95,7 +104,8 @@ impl<const N: usize> Search<'_, N> {
         (0..self.periods.len()).map(|k| self.error(k).powi(2)).sum()
     }
 
-    /// What the cost of changes may keep from the sum of squared errors \[mm²\], at most: 2 ε² (wᵀu − wᵀw).
+    /// Upper bound of the effect of the cost of changes on the sum of squared errors \[mm²\]: 2 ε² (wᵀu −
+    /// wᵀw).
     fn kept_by_changes(&self) -> f64 {
         let w: Vec<f64> = (self.periods.iter().zip(&self.changes))
             .map(|(period, change)| period.limited[0] + change)
@@ -104,7 +114,7 @@ impl<const N: usize> Search<'_, N> {
         let all: f64 = w.iter().map(|w| w.abs()).sum();
         let turned: f64 = w.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
         let ends = w.first().map_or(0.0, |w| w.abs()) + w.last().map_or(0.0, |w| w.abs());
-        // by the limit of changes, and by that of the speed
+        // bound by the limit of changes, and by that of the speed
         let along = [all, ends + turned]
             .into_iter()
             .zip(self.limits)
@@ -113,7 +123,7 @@ impl<const N: usize> Search<'_, N> {
         2.0 * self.change_as_error.powi(2) * (along - own).max(0.0)
     }
 
-    /// Sum of all products, after shares of steps.
+    /// Sum of all products of slacks and multipliers after shares of the steps.
     fn gap(&self, shares: [f64; 2], steps: Option<&[(Sides, Sides)]>) -> f64 {
         let mut gap = 0.0;
         for k in 0..self.periods.len() {
@@ -153,13 +163,13 @@ impl<const N: usize> Search<'_, N> {
             factors[k] = (bent, crossed / bent);
             curvature = period.by_state.tr_mul(&(curvature * period.by_state))
                 - crossed * crossed.transpose() / bent;
-            // what rounding makes unlike on both sides of the diagonal grows
+            // rounding breaks the symmetry and the asymmetry grows
             curvature = (curvature + curvature.transpose()) * 0.5;
         }
         factors
     }
 
-    /// Newton's step of changes and states for products of `targets`.
+    /// Newton step of changes and states for the target products `targets`.
     fn step(
         &self,
         factors: &Factors<N>,
@@ -194,7 +204,7 @@ impl<const N: usize> Search<'_, N> {
         (changes, states)
     }
 
-    /// Steps of what is left to the limits, and of the multipliers.
+    /// Steps of slacks and multipliers.
     fn sides(
         &self,
         (changes, states): &(Vec<f64>, Vec<SVector<f64, N>>),
@@ -216,7 +226,7 @@ impl<const N: usize> Search<'_, N> {
         (0..self.periods.len()).map(of).collect()
     }
 
-    /// Largest shares of both steps that keep all positive.
+    /// Largest shares of the primal and the dual step that keep slacks and multipliers positive.
     fn shares(&self, steps: &[(Sides, Sides)]) -> [f64; 2] {
         let mut shares = [1.0_f64; 2];
         let within = |value: f64, step: f64| if step < 0.0 { -value / step } else { f64::INFINITY };
@@ -231,7 +241,8 @@ impl<const N: usize> Search<'_, N> {
         shares
     }
 
-    /// One step of the predictor-corrector method; what was left to be gained by it \[mm²\].
+    /// One iteration of the predictor-corrector method; returns the sum of squares by which its full step
+    /// changes the errors \[mm²\].
     fn improve(&mut self) -> f64 {
         let factors = self.factors();
         let count = self.count();
@@ -255,7 +266,7 @@ impl<const N: usize> Search<'_, N> {
             step = self.step(&factors, &corrected);
             sides = self.sides(&step, &corrected);
             let largest = self.shares(&sides).map(|share| (BOUNDARY * share).min(1.0));
-            // one share for both: a quadratic cost couples them
+            // one step length for both: the quadratic cost couples them
             shares = [largest[0].min(largest[1]); 2];
         }
         let (changes, states) = step;
@@ -280,12 +291,13 @@ impl<const N: usize> Search<'_, N> {
     }
 }
 
-/// The best deviations from a motion that is within the limits of change and speed (none where there is none). The search ends where its sum of squares is as
-/// near to the least as a share of it and a number \[mm²\] say. None where `go_on`, which is asked before each step, said no.
+/// Optimal deviations from a motion within the limits of change and speed (none if there is no limit). The
+/// search ends when its sum of squares is close to the minimum, by a relative and an absolute tolerance
+/// \[mm²\]. None if `go_on`, called before each iteration, returned false.
 ///
 /// # Errors
 ///
-/// [`LabError::NoBound`] when the search does not end.
+/// [`LabError::NoBound`] if the search does not converge.
 pub(super) fn best_deviation<const N: usize>(
     periods: &[LinearPeriod<N>],
     limits: [Option<f64>; 2],
@@ -307,7 +319,7 @@ pub(super) fn best_deviation<const N: usize>(
         states,
         multipliers: vec![[[0.0; 2]; 2]; periods.len()],
     };
-    // products as large as what they are to be weighed against
+    // initial products of the size of the cost per period
     let product = (search.square() / periods.len() as f64).max(smallest);
     for k in 0..periods.len() {
         let slacks = search.slacks(k);
@@ -345,7 +357,7 @@ mod tests {
         best_deviation(periods, limits, 1e-6, TIGHT, &|| true).unwrap().unwrap()
     }
 
-    /// A piston \[mm\] that moves by its motor speed alone, along references at the ends of periods.
+    /// Piston \[mm\] driven by its motor speed alone, with references at the ends of the periods.
     fn integrator(reference: &[f64]) -> Vec<LinearPeriod<2>> {
         let period = |reference: &f64| LinearPeriod {
             by_state: Matrix2::new(1.0, PERIOD, 0.0, 1.0),
@@ -358,7 +370,8 @@ mod tests {
         reference.iter().map(period).collect()
     }
 
-    /// A ramp of the double speed for τ: the best begins half of τ sooner and ends as much later, ∫ e² dt = v² τ³/6.
+    /// Ramp of twice the speed limit for a time τ: the optimum begins τ/2 earlier and ends τ/2 later, ∫ e²
+    /// dt = v² τ³/6.
     #[test]
     fn a_motor_that_is_too_slow_begins_sooner() {
         let (speed, time) = (30.0, 0.2);
@@ -369,13 +382,14 @@ mod tests {
         let square = found.square * PERIOD;
         assert!((square / exact - 1.0).abs() < 1e-3, "{square} {exact}");
         assert!(found.least > (1.0 - 1e-5) * found.square);
-        // more than twice the limit is as good as none
+        // a limit above twice the speed has no effect
         let free = best(&integrator(&reference), [None, Some(2.1 * speed)]).square;
         let unlimited = best(&integrator(&reference), [None, None]).square;
         assert!(free.max(unlimited) < 1e-6 * found.square, "{free} {unlimited}");
     }
 
-    /// A speed that is to leap by H with a slew s: the best is a ramp about the leap, ∫ e² dt = H³/(12 s).
+    /// Step of the reference speed by H with slew rate s: the optimum is a ramp centred on the step, ∫ e²
+    /// dt = H³/(12 s).
     #[test]
     fn a_leap_becomes_a_ramp_about_it() {
         let (leap, slew) = (20.0, 100.0);
@@ -395,7 +409,7 @@ mod tests {
         assert!(both > found.square);
     }
 
-    /// Dear changes cost errors that cheap ones do not: the least error is told without them.
+    /// Expensive changes increase the error; the lower bound excludes their effect.
     #[test]
     fn what_changes_cost_is_not_counted_as_an_error() {
         let (speed, slew) = (30.0, 200.0);

@@ -1,51 +1,57 @@
-//! Prediction error: what no controller can undo of disturbances and of what it does not know, because it acts on information of a while ago.
+//! Prediction error: smallest tracking error under disturbances and incomplete information for a controller
+//! with delay.
 //!
-//! A command acts on the piston at time k only if it was given by what was measured until k − h. Whatever the linear law, and with Gaussian variables any law, the variance of the
-//! tracking error is therefore at least that of the piston given these measurements, and minimum variance control attains it where the motor allows:
+//! A command that acts on the piston at time k depends on measurements up to k − h only. The variance of
+//! the tracking error is therefore at least the variance of the piston position given these measurements.
+//! This holds for any linear law, and with Gaussian variables for any law. Minimum variance control attains
+//! it if the motor allows:
 //!
 //! ```text
-//! E e_k² ≥ c_k P_{k|k−h} c_kᵀ,    P_{j+1|j} = F_j P_{j|j} F_jᵀ + Q,    P_{j|j} = P_{j|j−1} − P_{j|j−1} Hᵀ (H P_{j|j−1} Hᵀ + R)⁻¹ H P_{j|j−1}
+//! E e_k² ≥ c_k P_{k|k−h} c_kᵀ,    P_{j+1|j} = F_j P_{j|j} F_jᵀ + Q,
+//! P_{j|j} = P_{j|j−1} − P_{j|j−1} Hᵀ (H P_{j|j−1} Hᵀ + R)⁻¹ H P_{j|j−1}
 //! ```
 //!
-//! Along a motion that is the Riccati recursion of the Kalman filter of the model linearised along it; at rest it settles at the floor of an LQG loop
-//! whose control costs nothing. More delay, more noise and a larger first covariance never lower it.
+//! Along a motion this is the Riccati recursion of the Kalman filter for the model linearised along it. At
+//! rest it converges to the error of an LQG loop without control cost. More delay, more noise and a larger
+//! initial covariance never reduce it.
 //!
-//! Sources: K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 6 (minimum variance control); T. J. Harris, *Assessment of control loop
-//! performance*, Can. J. Chem. Eng. 67 (1989) 856-861.
+//! Sources: K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 6 (minimum variance
+//! control); T. J. Harris, *Assessment of control loop performance*, Can. J. Chem. Eng. 67 (1989) 856-861.
 
 use hydroboom_control::estimation::error_covariance::{Covariance, corrected, output_deviation};
 
-/// A linear system along a course, of N states.
+/// Linear system along a course with N states.
 pub(super) struct LinearCourse<const N: usize> {
-    /// F of each period.
+    /// State transition matrix F of each period.
     pub transitions: Vec<[[f64; N]; N]>,
-    /// Measured numbers by the state at each time, which is one more than there are periods; the first is the tracked one.
+    /// Output rows of the measured signals at each time, one more than there are periods. The first signal
+    /// is the tracked one.
     pub outputs: Vec<[[f64; N]; 2]>,
-    /// Variances that each state gains in a period.
+    /// Process noise: variance that each state gains in a period.
     pub process: [f64; N],
 }
 
-/// What is known, and when.
+/// Available information and its delay.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Information<const N: usize> {
-    /// Covariance before anything is measured.
+    /// Covariance before the first measurement.
     pub initial: Covariance<f64, N>,
-    /// Variances of the noise of the measured numbers.
+    /// Variances of the measurement noise.
     pub noise: [f64; 2],
-    /// Periods from a measurement to when what is done by it acts.
+    /// Periods from a measurement to the effect of the command based on it.
     pub horizon: f64,
 }
 
-/// What is left, at each time.
+/// Prediction error at each time.
 pub(super) struct PredictionError<const N: usize> {
-    /// Covariance of the state given the measurements that could be acted on.
+    /// Covariance of the state given the usable measurements.
     pub covariances: Vec<Covariance<f64, N>>,
-    /// Root mean square of the tracked output over the course, in its unit.
+    /// RMS of the tracked output's error over the course, in its unit.
     pub rms: f64,
 }
 
 impl<const N: usize> LinearCourse<N> {
-    /// A period on, or a share of it.
+    /// Covariance one period later, or a share of it.
     fn predicted(&self, p: &Covariance<f64, N>, k: usize, share: f64) -> Covariance<f64, N> {
         let Some(transition) = self.transitions.get(k).or(self.transitions.last()) else {
             return *p;
@@ -63,7 +69,7 @@ impl<const N: usize> LinearCourse<N> {
         next
     }
 
-    /// Several periods on from time k.
+    /// Covariance several periods after time k.
     fn after(
         &self,
         p: &Covariance<f64, N>,
@@ -75,7 +81,7 @@ impl<const N: usize> LinearCourse<N> {
         if share > 0.0 { self.predicted(&whole, k + periods, share) } else { whole }
     }
 
-    /// The covariance with what is measured at time k.
+    /// Covariance after the measurement update at time k.
     fn corrected(
         &self,
         mut p: Covariance<f64, N>,
@@ -93,12 +99,12 @@ impl<const N: usize> LinearCourse<N> {
         p
     }
 
-    /// Covariances of the state by what could be acted on, and the RMS of the tracked output.
+    /// Covariances of the state given the usable measurements, and the RMS error of the tracked output.
     pub fn prediction_error(&self, known: &Information<N>) -> PredictionError<N> {
         let times = self.outputs.len();
         let (whole, share) = (known.horizon.floor() as usize, known.horizon.fract());
         let mut covariances = Vec::with_capacity(times);
-        // until the first measurement acts
+        // before the first measurement has an effect
         for k in 0..whole.min(times) {
             covariances.push(self.after(&known.initial, 0, k, share));
         }
@@ -135,7 +141,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
 
-    /// A plant of one state that is measured; of its second output nothing can be learned.
+    /// Plant of one measured state; its second output carries no information.
     fn first_order(pole: f64, process: f64, periods: usize) -> LinearCourse<1> {
         LinearCourse {
             transitions: vec![[[pole]]; periods],
@@ -149,7 +155,7 @@ mod tests {
         course.prediction_error(&known).rms
     }
 
-    /// Exactly measured, and acted on h periods later: q (1 − a^2h)/(1 − a²), Åström's minimum variance.
+    /// Exact measurements that act h periods later: q (1 − a^2h)/(1 − a²), Åström's minimum variance.
     #[test]
     fn delay_costs_what_minimum_variance_control_leaves() {
         let (pole, process) = (0.9_f64, 0.3);
@@ -164,7 +170,8 @@ mod tests {
         assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{errors:?}");
     }
 
-    /// A random walk in noise as strong as its steps: its filtered variance is the golden ratio less one.
+    /// Random walk with measurement noise of the same variance as its steps: the filtered variance is the
+    /// golden ratio minus one.
     #[test]
     fn noise_costs_what_the_kalman_filter_leaves() {
         let course = first_order(1.0, 1.0, 20_000);
@@ -175,7 +182,8 @@ mod tests {
         assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{errors:?}");
     }
 
-    /// A double integrator pushed at random: its position h periods later has q T² Σ i², i from 1 to h − 1.
+    /// Double integrator with white disturbance: the variance of its position after h periods is q T² Σ i²,
+    /// i from 1 to h − 1.
     #[test]
     fn a_double_integrator_runs_away_with_the_delay() {
         let (period, process) = (0.01, 2.0);
@@ -190,19 +198,20 @@ mod tests {
         assert!((last / exact - 1.0).abs() < 1e-12, "{last} {exact}");
     }
 
-    /// Minimum variance control of the filter's prediction attains the bound; proportional control of the reading does not.
+    /// Minimum variance control on the filter's prediction attains the bound; proportional control on the
+    /// measurement does not.
     #[test]
     fn minimum_variance_control_attains_the_bound_and_another_law_does_not() {
         let (pole, process, noise, delay, periods) = (0.95_f64, 1.0_f64, 0.5_f64, 2_usize, 60_000);
         let bound = rms(&first_order(pole, process, periods), noise, delay as f64);
-        // steady gain of the filter, by its recursion
+        // stationary gain of the filter by its recursion
         let p = (0..500).fold(0.0, |p, _| pole * pole * p * noise / (p + noise) + process);
         let gain = p / (p + noise);
         let run = |is_minimum_variance: bool| {
             let mut random = Pcg64Mcg::seed_from_u64(1);
             let mut deviate = move || -> f64 { StandardNormal.sample(&mut random) };
             let (mut x, mut estimate, mut square) = (0.0, 0.0, 0.0);
-            // commands on their way, oldest first: with a delay of one they act in the period in which they are given
+            // delayed commands, oldest first; with a delay of one, a command acts in its own period
             let mut on_the_way = vec![0.0; delay - 1];
             for _ in 0..periods {
                 let read = x + noise.sqrt() * deviate();

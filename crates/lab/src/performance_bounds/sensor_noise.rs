@@ -1,8 +1,8 @@
-//! Noise of the sensors: white noise and resolution of position and load pressure, by their data sheets.
+//! Noise of the sensors: white noise and resolution of position and load pressure from their data sheets.
 
 use hydroboom_description::Description;
 
-/// Standard deviations of what is read.
+/// Standard deviations of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SensorNoise {
     /// Piston position \[m\].
@@ -11,11 +11,11 @@ pub(super) struct SensorNoise {
     pub load_pressure: f64,
 }
 
-/// Sensors that count as exact, so that no covariance becomes singular.
+/// Nearly exact sensors, so that no covariance becomes singular.
 pub(super) const EXACT: SensorNoise = SensorNoise { position: 1e-12, load_pressure: 1e-3 };
 
 impl SensorNoise {
-    /// Of a crane. A resolution counts as uniform noise within one step.
+    /// Sensor noise of a crane. The resolution counts as uniform noise within one step.
     pub fn of(crane: &Description) -> Self {
         let n = &crane.numbers;
         let uniform = |step: f64| step / 12_f64.sqrt();
@@ -26,7 +26,7 @@ impl SensorNoise {
         let pressure = (n.pressure_noise * n.pressure_span).hypot(uniform(steps));
         Self {
             position: n.position_noise.hypot(uniform(n.position_resolution)).max(EXACT.position),
-            // of two transducers
+            // combined noise of two transducers
             load_pressure: (pressure * 1.0_f64.hypot(crane.cylinder().area_ratio()))
                 .max(EXACT.load_pressure),
         }

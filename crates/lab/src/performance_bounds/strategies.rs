@@ -1,4 +1,4 @@
-//! Where the strategies stand: in closed loop on the machine, beside the bound.
+//! Closed-loop errors of the strategies on the machine, compared with the bound.
 
 use crate::LabError;
 use crate::closed_loop::scenario::CourseChoice;
@@ -8,28 +8,29 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// A strategy in closed loop beside the bound.
+/// Closed-loop error of a strategy compared with the bound.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StrategyError {
-    /// The strategy.
+    /// Strategy.
     #[serde(serialize_with = "by_name")]
     pub strategy: Strategy,
-    /// RMS true error; none where the loop oscillates or stopped.
+    /// RMS true error; none if the loop oscillates or the run stopped.
     pub rms_true_mm: Option<f64>,
-    /// That over the bound with all limits.
+    /// Ratio of the error to the bound with all limits.
     pub over_bound: Option<f64>,
-    /// Harris index: mean square error of the bound over that of the strategy; 1 is the best that there is.
+    /// Harris index: mean square error of the bound over that of the strategy; 1 is optimal.
     pub harris_index: Option<f64>,
-    /// What there is to say where there is no error.
+    /// Remark if there is no error.
     pub remark: Option<String>,
 }
 
-/// All strategies in closed loop on the machine, which the controllers know by `model`, beside the bound with all limits \[mm\]. Those that were begun before
-/// `go_on`, which is told how many are done, said no.
+/// All strategies in closed loop on the machine, with controllers designed for `model`, compared with the
+/// bound with all limits \[mm\]. `go_on` receives the number of completed runs and returns whether to
+/// continue; runs that were started by then are returned.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built, or there is no such course.
+/// [`LabError`] if a crane cannot be built, or there is no such course.
 pub fn strategy_errors(
     model: &Description,
     machine: &Description,
@@ -44,7 +45,7 @@ pub fn strategy_errors(
     as_long_as(&Strategy::ALL, go_on, one).into_iter().flatten().collect()
 }
 
-/// A run beside a bound \[mm\].
+/// Result of a run compared with a bound \[mm\].
 fn beside(bound_mm: f64, run: &Run) -> StrategyError {
     let error = run.is_stable().then(|| run.metrics().tracking_error().rms_true_mm);
     StrategyError {

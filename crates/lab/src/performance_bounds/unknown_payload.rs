@@ -1,18 +1,22 @@
-//! A payload that is unknown when the course begins: what is known of it at rest, and what feedforward alone makes of it until it is estimated.
+//! Payload that is unknown when the course begins: its covariance at rest, and the error of feedforward
+//! alone until it is estimated.
 //!
-//! The payload is uniform between two ends. At rest the load pressure weighs it, but for the friction of the seals, which may hold any share of the Coulomb
-//! friction: payload, friction, load pressure and the boom's deflection are correlated as the equilibrium has them.
+//! The payload is uniformly distributed between two limits. At rest the load pressure measures it except
+//! for the friction of the seals, which may carry any share of the Coulomb friction. Payload, friction,
+//! load pressure and the boom's deflection are correlated by the equilibrium.
 //!
-//! **Feedforward alone.** Motor speeds n(m̂_k) are those of the payload as it is estimated by what could be acted on, and nothing else is fed back. With the
-//! error m̃_k of that estimate the motion differs from that of the known payload by
+//! **Feedforward alone.** The motor speeds n(m̂_k) are those of the payload estimated from the usable
+//! measurements, without other feedback. With the estimation error m̃_k the motion deviates from that of
+//! the known payload by
 //!
 //! ```text
 //! ξ_{k+1} = F_k ξ_k − b_k (∂n/∂m)_k m̃_k
 //! ```
 //!
-//! The errors of an optimal estimate of a constant are a martingale that is run backwards, E m̃_j m̃_k = P_k for j ≤ k. So with S_{k+1} = F_k S_k − b_k (∂n/∂m)_k
-//! the cross covariance is E ξ_k m̃_k = S_k P_k, and the covariance of ξ follows from it. That is an estimate of what feedforward leaves, and no bound: feedback of
-//! the position leaves less.
+//! The errors of an optimal estimate of a constant form a reverse martingale, E m̃_j m̃_k = P_k for j ≤ k.
+//! With S_{k+1} = F_k S_k − b_k (∂n/∂m)_k the cross covariance is therefore E ξ_k m̃_k = S_k P_k, and the
+//! covariance of ξ follows. This is an estimate of the error of feedforward and no bound: position feedback
+//! reduces it.
 
 use super::crane_along_course::CraneAlongCourse;
 use super::prediction_error::LinearCourse;
@@ -24,18 +28,18 @@ use hydroboom_control::estimation::reduced_model::state_index::{
 use hydroboom_math::Dual;
 use nalgebra::{Matrix2, Vector2};
 
-/// Standard deviation of a payload that is uniform between two ends \[kg\].
+/// Standard deviation of a payload that is uniformly distributed between two limits \[kg\].
 pub(super) fn deviation([low, high]: [f64; 2]) -> f64 {
     (high - low).abs() / 12_f64.sqrt()
 }
 
-/// Covariance at rest before anything is measured, where the payload is known with a standard deviation \[kg\].
+/// Covariance at rest before the first measurement for a given standard deviation of the payload \[kg\].
 pub(super) fn at_rest(crane: &CraneAlongCourse, payload_deviation: f64) -> Covariance<f64, STATES> {
     let model = crane.model.map(Dual::<f64, STATES>::constant);
     let mut direction = 0..STATES;
     let z = crane.states[0].map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
     let (balance, piston) = (model.acceleration(&z).slope, model.piston(&z).slope);
-    // load and pressure that keep the equilibrium and the piston's position
+    // load position and pressure that keep the equilibrium and the piston's position
     let solved = |source: usize| {
         let held = Matrix2::new(
             balance[POSITION],
@@ -49,7 +53,7 @@ pub(super) fn at_rest(crane: &CraneAlongCourse, payload_deviation: f64) -> Covar
         (column[source], column[POSITION], column[LOAD_PRESSURE]) = (1.0, found[0], found[1]);
         column
     };
-    // uniform within the Coulomb friction to both sides
+    // uniform distribution within ± the Coulomb friction
     let friction = crane.model.coulomb / 3_f64.sqrt();
     let sources = [(PAYLOAD, payload_deviation), (FRICTION, friction)];
     let mut p = [[0.0; STATES]; STATES];
@@ -64,13 +68,13 @@ pub(super) fn at_rest(crane: &CraneAlongCourse, payload_deviation: f64) -> Covar
     p
 }
 
-/// RMS of the piston's error \[m\] under feedforward alone, by covariances of the state as it is known when it is acted on.
+/// RMS position error \[m\] of feedforward alone, from the covariances given the usable measurements.
 pub(super) fn feedforward_error(
     crane: &CraneAlongCourse,
     course: &LinearCourse<STATES>,
     known: &[Covariance<f64, STATES>],
 ) -> f64 {
-    // what feedforward does not know changes the motion of the load, and nothing of what disturbs it
+    // the payload error changes the motion of the load but not the disturbance states
     let moving = 0..DISTURBANCE;
     let row = |output: &[f64; STATES]| -> [f64; DISTURBANCE] { std::array::from_fn(|i| output[i]) };
     let mut covariance = [[0.0; DISTURBANCE]; DISTURBANCE];
@@ -118,7 +122,7 @@ mod tests {
         (along, course)
     }
 
-    /// A payload that is never estimated makes one motion per kilogram.
+    /// A constant payload error produces one motion per kilogram.
     #[test]
     fn an_error_of_the_payload_that_stays_is_one_motion() {
         let (crane, course) = along();
@@ -145,11 +149,12 @@ mod tests {
             let found = feedforward_error(&crane, &course, &constant(deviation));
             assert!((found / (deviation * per_kg) - 1.0).abs() < 1e-6, "{found} {per_kg}");
         }
-        // micrometres for a kilogram of 307
+        // micrometres per kilogram, for a payload of 307 kg
         assert!((1e-7..1e-4).contains(&per_kg), "{per_kg} m/kg");
     }
 
-    /// The load pressure at rest is that of payload and friction together, and the piston is where it is.
+    /// The load pressure at rest is determined by payload and friction together, and the piston position is
+    /// known.
     #[test]
     fn at_rest_the_pressure_weighs_payload_and_friction() {
         let (crane, course) = along();

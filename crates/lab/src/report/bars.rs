@@ -1,4 +1,4 @@
-//! Bars by name: tornado and index figures.
+//! Horizontal bars with names, as in tornado diagrams.
 
 use super::drawing_data::{Drawing, rows_as_csv};
 use super::figure::{FINE, GRID, INK, themed, tick};
@@ -9,19 +9,19 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// One bar.
 pub struct Bar<'a> {
-    /// Its name.
+    /// Name.
     pub name: &'a str,
-    /// Where it begins.
+    /// Start value.
     pub from: f64,
-    /// Where it ends; a dot marks it where the bar begins elsewhere than at zero.
+    /// End value, marked by a dot if the bar does not start at zero.
     pub to: f64,
-    /// Which of the palette's colours it has.
+    /// Index of its colour in the palette.
     pub colour: usize,
-    /// An interval around its end.
+    /// Interval around its end.
     pub bounds: Option<(f64, f64)>,
 }
 
-/// Bars, the first on top.
+/// Bars from top to bottom.
 pub struct Bars<'a> {
     /// Label of the axis, with its unit.
     pub x: &'a str,
@@ -29,18 +29,18 @@ pub struct Bars<'a> {
     pub bars: Vec<Bar<'a>>,
 }
 
-/// Width of the figure, of the names' column, and height of a bar's row and of what is below.
+/// Width of the figure, width of the names' column, and heights of a bar's row and of the axis below.
 const WIDTH: u32 = 560;
 const NAMES: u32 = 284;
 const ROW: u32 = 26;
 const BELOW: u32 = 52;
 
 impl Bars<'_> {
-    /// The figure, drawn.
+    /// Draws the figure.
     ///
     /// # Errors
     ///
-    /// [`LabError::Figure`] when there is nothing finite to draw.
+    /// [`LabError::Figure`] if there is no finite value.
     pub fn drawn(&self) -> Result<Drawing, LabError> {
         let svg = self.svg()?;
         let rows: Vec<(&str, Vec<f64>)> = self

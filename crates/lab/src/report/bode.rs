@@ -8,19 +8,18 @@ use crate::linearise::{Mode, response};
 use maud::html;
 use nalgebra::{Complex, DMatrix};
 
-/// Lowest and highest frequency \[Hz\], and points between them.
+/// Lowest and highest frequency \[Hz\], and number of points.
 const LOW: f64 = 0.05;
 const HIGH: f64 = 200.0;
 const POINTS: i32 = 600;
 
-/// A page with the responses of the chosen outputs to the motor speed, and the poles.
+/// Page with the responses of selected outputs to the motor speed, and the poles.
 ///
-/// `outputs` names rows of `c` with the factor that turns SI units per rev/s into the unit shown
-/// per rpm.
+/// `outputs` selects rows of `c` with the factor from SI units per rev/s to the displayed unit per rpm.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a figure cannot be drawn.
+/// [`LabError`] if a figure cannot be drawn.
 pub fn bode_page(
     title: &str,
     a: &DMatrix<f64>,
@@ -63,7 +62,7 @@ pub fn bode_page(
 /// Points of a figure.
 type Points = Vec<(f64, f64)>;
 
-/// Size, and phase \[deg\] without jumps of a whole turn, over the frequency.
+/// Magnitude, and unwrapped phase \[deg\], over the frequency.
 pub(super) fn size_and_phase(
     values: impl Iterator<Item = (f64, Complex<f64>)>,
 ) -> (Points, Points) {

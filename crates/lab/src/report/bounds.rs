@@ -1,4 +1,4 @@
-//! Performance bounds: one figure of what each limit costs and where the strategies stand, and its tables.
+//! Performance bounds: figure of the cost of each limit and the strategies' errors, with tables.
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, rows_as_csv};
@@ -9,18 +9,18 @@ use maud::{Markup, html};
 use plotters::style::RGBColor;
 use std::fmt::Write;
 
-/// What a row of the figure is.
+/// Mark of a row in the figure.
 #[derive(Clone, Copy, PartialEq)]
 enum Mark {
-    /// A bar of a colour of the page, from the axis's beginning on: colours of the palette are the strategies'.
+    /// Bar from the start of the axis in a colour of the page, which is none of the strategies'.
     Bound(&'static str),
-    /// A bar that is drawn as an outline.
+    /// Bar drawn as an outline.
     Estimate,
-    /// A dot of a place of the palette, with a line from the bound with all limits.
+    /// Dot in a colour of the palette, with a line from the bound with all limits.
     Strategy(usize),
 }
 
-/// A row of the figure.
+/// Row of the figure.
 struct Row {
     name: String,
     /// RMS true error \[mm\].
@@ -34,23 +34,23 @@ struct Group {
     rows: Vec<Row>,
 }
 
-/// Width of the figure: on a phone its text is nearly as large as drawn.
+/// Width of the figure, narrow enough for readable text on a phone.
 const WIDTH: f64 = 430.0;
 const MARGIN: f64 = 12.0;
-/// Heights of a heading, of a row, of a bar, and of what is below the axis.
+/// Heights of a heading, of a row, of a bar, and of the space below the axis.
 const HEADING: f64 = 30.0;
 const ROW: f64 = 37.0;
 const BAR: f64 = 11.0;
 const BELOW: f64 = 48.0;
-/// Shortest and longest axis in decades; errors below count as none.
+/// Smallest range of the axis in decades, and error below which a value counts as zero \[mm\].
 const LEAST_DECADES: f64 = 2.0;
 const NOTHING: f64 = 1e-6;
 
-/// The page of a machine's bounds, and of the strategies in closed loop on it.
+/// Page of a machine's bounds and of the strategies in closed loop on it.
 ///
 /// # Errors
 ///
-/// [`LabError::Figure`] when there is nothing finite to draw.
+/// [`LabError::Figure`] if there is no finite value.
 pub fn bounds_page(
     machine: &str,
     bounds: &PerformanceBounds,
@@ -128,7 +128,7 @@ fn closed_loops(strategies: &[StrategyError]) -> Markup {
     }
 }
 
-/// The setting of a limit, as its row says it.
+/// Setting of a limit, as text for its row.
 fn setting(bounds: &PerformanceBounds, limit: Limit) -> String {
     let of = |name: &str| bounds.conditions.iter().find(|c| c.name == name);
     let text =
@@ -197,7 +197,7 @@ fn svg(groups: &[Group], all_mm: f64) -> Result<String, LabError> {
     if high <= 0.0 {
         return Err(LabError::Figure("no error is above zero".into()));
     }
-    // from a whole decade below the least to one above the most
+    // from a whole decade below the smallest value to one above the largest
     let first = (low * 0.7).log10().floor().min(high.log10() - LEAST_DECADES);
     let last = (high * 1.2).log10().ceil();
     let x = |v: f64| MARGIN + (WIDTH - 2.0 * MARGIN) * (v.log10() - first) / (last - first);
@@ -208,7 +208,7 @@ fn svg(groups: &[Group], all_mm: f64) -> Result<String, LabError> {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"100%\" role=\"img\" \
          font-family=\"sans-serif\" font-size=\"14\" fill=\"var(--ink)\">"
     );
-    // a String takes every write
+    // writing to a String cannot fail
     let decades = (first.ceil() as i32)..=(last.floor() as i32);
     for decade in decades {
         let tick = 10f64.powi(decade);
@@ -258,11 +258,11 @@ fn svg(groups: &[Group], all_mm: f64) -> Result<String, LabError> {
     Ok(svg)
 }
 
-/// Text that stays readable over lines.
+/// Attributes for text that stays readable over lines.
 const HALO: &str =
     "stroke=\"var(--paper)\" stroke-width=\"4\" paint-order=\"stroke\" stroke-linejoin=\"round\"";
 
-/// A row whose upper edge is at `y`.
+/// Draws a row with its upper edge at `y`.
 fn draw(svg: &mut String, row: &Row, y: f64, bound: f64, x: &dyn Fn(f64) -> f64) {
     let middle = y + ROW - BAR - 1.0;
     let (top, is_drawn) = (middle - 0.5 * BAR, row.value.is_finite() && row.value >= NOTHING);
@@ -272,7 +272,7 @@ fn draw(svg: &mut String, row: &Row, y: f64, bound: f64, x: &dyn Fn(f64) -> f64)
         true => format!("{} mm", digits(row.value)),
         false => "unstable".into(),
     };
-    // a String takes every write
+    // writing to a String cannot fail
     let _ = match row.mark {
         _ if !is_drawn => Ok(()),
         Mark::Bound(paint) => write!(
@@ -309,7 +309,7 @@ fn colour(place: usize) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// A power of ten, as the axis shows it.
+/// Power of ten as a label of the axis.
 fn label(decade: i32) -> String {
     match decade {
         -3..=3 => format!("{}", 10f64.powi(decade)),
@@ -317,7 +317,7 @@ fn label(decade: i32) -> String {
     }
 }
 
-/// A number with two digits that count; below a millionth it is zero.
+/// Number with two significant digits; zero below a millionth.
 fn digits(value: f64) -> String {
     let size = value.abs();
     if size < NOTHING {
@@ -331,7 +331,7 @@ fn digits(value: f64) -> String {
 mod tests {
     use super::*;
 
-    /// Larger errors are farther to the right, and each decade is as wide as the other.
+    /// Larger errors are farther to the right, and all decades have the same width.
     #[test]
     fn the_axis_is_logarithmic() {
         let row = |name: &str, value: f64| Row {

@@ -1,4 +1,4 @@
-//! Loops of the benchmark and of the scheduled LQR, before anything moves.
+//! Design report: loops of the benchmark and of the scheduled LQR.
 
 use super::bode::size_and_phase;
 use super::document::{Page, document};
@@ -13,7 +13,7 @@ use hydroboom_design::stability::LoopStability;
 use hydroboom_design::{DesignReport, LinearisedPlant, benchmark_loop, scheduled_lqr_loop};
 use maud::html;
 
-/// Lowest and highest frequency \[Hz\], and points between them.
+/// Lowest and highest frequency \[Hz\], and number of points.
 const FREQUENCIES: [f64; 2] = [0.05, 200.0];
 const POINTS: u32 = 600;
 
@@ -29,11 +29,11 @@ fn load_mode(mode: Option<&Mode>) -> String {
     )
 }
 
-/// A page with the loop's Bode figures at mid-stroke, and all margins.
+/// Page with the Bode diagrams of the loop at mid-stroke and all margins.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a figure cannot be drawn, or the crane not be linearised.
+/// [`LabError`] if a figure cannot be drawn, or the crane cannot be linearised.
 pub fn design_page(
     crane: &Description,
     reports: &[DesignReport],

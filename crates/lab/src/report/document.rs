@@ -1,4 +1,4 @@
-//! The frame of every page: one self-contained HTML file, readable in light and dark.
+//! Frame of every page: one self-contained HTML file for light and dark display.
 
 use super::drawing_data::{FigureFile, apart};
 use super::origin::Origin;
@@ -29,24 +29,24 @@ td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-s
 .pair{display:flex;flex-wrap:wrap;gap:0 1rem}.pair figure{flex:1 1 20rem;max-width:30rem}
 details{margin:.6em 0}summary{cursor:pointer}";
 
-/// A page, which becomes a file once it is known how it was made.
+/// Page, which is written as a file with the record of its origin.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
-    /// Without the numbers of the figures.
+    /// Body without the data of the figures.
     body: String,
-    /// Its figures, in their order.
+    /// Figures in their order.
     pub figures: Vec<FigureFile>,
 }
 
-/// A whole page.
+/// Complete page.
 pub fn document(title: &str, body: &Markup) -> Page {
     let (body, figures) = apart(&body.0);
     Page { title: title.into(), body, figures }
 }
 
 impl Page {
-    /// The page as an HTML file, with a block that says how it was made.
+    /// Page as an HTML file, with a block that records its origin.
     pub fn html(&self, origin: &Origin) -> String {
         let page = html! {
             (DOCTYPE)

@@ -1,19 +1,19 @@
-//! The crane to scale, at both ends of its motion.
+//! Drawing of the crane to scale at both ends of its motion.
 
 use super::drawing_data::{Drawing, lines_as_csv};
 use crate::{LabError, plant};
 use hydroboom_description::Description;
 use hydroboom_model::Scheme;
 
-/// Pixels per metre.
+/// Scale \[pixels/m\].
 const SCALE: f64 = 150.0;
 
-/// The crane as an SVG element: boom and cylinder at the motion's first and last position,
-/// geometry with dimensions.
+/// The crane as an SVG element: boom and cylinder at the first and last position of the motion, with
+/// dimensions.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no state of rest there.
+/// [`LabError`] if the crane has no state of rest there.
 pub fn crane(description: &Description) -> Result<Drawing, LabError> {
     let n = &description.numbers;
     let mut low = [n.base_x.min(0.0) - 0.3, n.base_y - 0.35];
@@ -51,7 +51,7 @@ pub fn crane(description: &Description) -> Result<Drawing, LabError> {
              stroke-width=\"7\" stroke-linejoin=\"round\"/>",
             points.join(" ")
         ));
-        // the barrel takes the shortest length, the rod the rest
+        // the barrel takes the cylinder's retracted length, the rod the rest
         let share = n.shortest / (n.shortest + stroke) * 0.9;
         let (mx, my) = (bx + (cx - bx) * share, by + (cy - by) * share);
         add(format!(
@@ -59,7 +59,7 @@ pub fn crane(description: &Description) -> Result<Drawing, LabError> {
              stroke=\"#d55e00\" stroke-width=\"4\"/><line x1=\"{bx:.1}\" y1=\"{by:.1}\" \
              x2=\"{mx:.1}\" y2=\"{my:.1}\" stroke=\"#d55e00\" stroke-width=\"10\"/>"
         ));
-        // the mount's lug, from the boom's axis
+        // lug of the cylinder mount, from the boom's axis
         for [x, y] in line.iter().skip(1) {
             let (x, y) = px([*x, *y]);
             add(format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{colour}\"/>"));
@@ -88,7 +88,7 @@ pub fn crane(description: &Description) -> Result<Drawing, LabError> {
         |x: f64, y: f64, text: String| format!("<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>");
     add(text((ax + bx) / 2.0 - 25.0, by + 24.0, format!("{:.0} mm", n.base_x * 1e3)));
     add(text(ax - 40.0, (ay + by) / 2.0, format!("{:.0} mm", -n.base_y * 1e3)));
-    // one metre
+    // scale bar of one metre
     let y = height - 14.0;
     let x = width - 30.0 - SCALE;
     add(format!(

@@ -1,36 +1,36 @@
-//! A figure that is drawn: its picture, its numbers, and what is said of it to who cannot see it.
+//! Drawn figure with its picture, its data, and a text alternative.
 
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write;
 
-/// A figure that is drawn.
+/// Drawn figure.
 #[derive(Clone, Debug)]
 pub struct Drawing {
     /// SVG element.
     pub svg: String,
-    /// What it shows, as CSV: a column for each line where all have the same abscissae, else a row for each
-    /// point with the name of its line.
+    /// Data as CSV: a column per line if all have the same abscissae, else a row per point with the name of
+    /// its line.
     pub csv: String,
-    /// Axes and lines in words.
+    /// Text description of axes and lines.
     pub says: String,
 }
 
-/// What stands between a figure's picture and its caption until the page is made.
+/// Markers of the data between a figure's picture and its caption, until the page is written.
 const BEGIN: &str = "<template class=\"data\">";
 const END: &str = "</template>";
 
-/// A figure of a page, apart.
+/// Figure of a page as separate files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FigureFile {
-    /// Number and first words of the caption, fit for a file's name.
+    /// Name for the files: number and first words of the caption.
     pub name: String,
-    /// The picture, as a file of its own.
+    /// Picture as a file of its own.
     pub svg: String,
-    /// Its numbers.
+    /// Data.
     pub csv: String,
 }
 
-/// A figure with its caption.
+/// Figure with its caption.
 pub fn figure(caption: &str, drawing: &Drawing) -> Markup {
     let label = html! { (caption) " " (drawing.says) }.into_string();
     let svg = drawing.svg.replacen(
@@ -47,7 +47,7 @@ pub fn figure(caption: &str, drawing: &Drawing) -> Markup {
     }
 }
 
-/// A page's body without the numbers of its figures, and the figures.
+/// Body of a page without the data of its figures, and the figures.
 pub(super) fn apart(body: &str) -> (String, Vec<FigureFile>) {
     let (mut shown, mut figures) = (String::with_capacity(body.len() / 2), Vec::new());
     let mut rest = body;
@@ -70,7 +70,7 @@ pub(super) fn apart(body: &str) -> (String, Vec<FigureFile>) {
     (shown, figures)
 }
 
-/// A picture that needs no page about it: its colours are those of paper.
+/// Picture as a standalone file in the colours of the light page.
 fn standing_alone(svg: &str) -> String {
     let svg = match svg.contains("xmlns=") {
         true => svg.to_string(),
@@ -84,14 +84,14 @@ fn unescaped(text: &str) -> String {
     text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"").replace("&amp;", "&")
 }
 
-/// The first words of a caption, for the name of a file.
+/// First words of a caption, for a file name.
 fn slug(caption: &str) -> String {
     let words = caption.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
     let words: Vec<String> = words.take(6).map(str::to_ascii_lowercase).collect();
     words.join("-")
 }
 
-/// A cell of a CSV file.
+/// Cell of a CSV file.
 fn cell(text: &str) -> String {
     match text.contains([',', '"', '\n']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
@@ -111,7 +111,7 @@ pub(super) fn lines_as_csv<'a>(
         other.len() == lines[0].1.len()
             && other.iter().zip(lines[0].1).all(|(a, b)| a.0.to_bits() == b.0.to_bits())
     };
-    // a String takes every write
+    // writing to a String cannot fail
     if !lines.is_empty() && lines.iter().all(|(_, points)| is_same(points)) {
         let names: Vec<String> =
             lines.iter().map(|(name, _)| cell(&format!("{name}: {y}"))).collect();
@@ -132,7 +132,7 @@ pub(super) fn lines_as_csv<'a>(
     csv
 }
 
-/// A table as CSV, text first.
+/// Table as CSV with a text column first.
 pub(super) fn rows_as_csv(header: &[&str], rows: &[(&str, Vec<f64>)]) -> String {
     let mut csv = header.iter().map(|name| cell(name)).collect::<Vec<_>>().join(",") + "\n";
     for (name, values) in rows {

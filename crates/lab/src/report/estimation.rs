@@ -1,4 +1,4 @@
-//! States and parameters that the filter estimates along a log, with their bounds.
+//! Estimated states and parameters along a log with their bounds.
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure};
@@ -8,11 +8,11 @@ use crate::log_estimation::{ESTIMATES, EstimateRow, INNOVATIONS, LogEstimate, re
 use crate::log_verdict::InnovationSummary;
 use maud::{Markup, html};
 
-/// The page of a log by its name, beside the crane of a name; `notes` are of the reading of the log.
+/// Page of a log and a crane, given by their names; `notes` are remarks on the reading of the log.
 ///
 /// # Errors
 ///
-/// [`LabError::Figure`] when a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn.
 pub fn estimation_page(
     log: &str,
     crane: &str,
@@ -69,7 +69,7 @@ pub fn estimation_page(
 
 fn capital(text: &str) -> String {
     let mut letters = text.chars();
-    // a symbol stays small
+    // a one-letter symbol keeps its case
     match (letters.next(), text.chars().nth(1)) {
         (Some(first), Some(second)) if second != '_' => {
             first.to_uppercase().chain(letters).collect()

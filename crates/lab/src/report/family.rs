@@ -1,4 +1,4 @@
-//! What a family of virtual cranes makes of the strategies: boxes and tables.
+//! Results of the strategies over a family of virtual cranes: box plots and tables.
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, rows_as_csv};
@@ -11,7 +11,7 @@ use maud::{Markup, html};
 use plotters::style::RGBColor;
 use std::fmt::Write;
 
-/// The page of a family of `count` cranes drawn with `seed`, widened or not.
+/// Page of a family of `count` cranes drawn with `seed`, widened or not.
 pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows: &[Row]) -> Page {
     let first = rows.first().map(|row| row.controller);
     let courses: Vec<&str> = rows
@@ -54,7 +54,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
     document(&format!("A family of virtual cranes: {crane}"), &body)
 }
 
-/// Error over effort, both over the benchmark's on the same crane: motor speed, and energy.
+/// Error over effort (motor speed, and energy), both over the benchmark's on the same crane.
 fn pareto(rows: &[&Row]) -> Markup {
     let drawn = |effort: &str, of: fn(&Row) -> Percentiles| {
         let marks = rows
@@ -112,7 +112,7 @@ fn table(rows: &[&Row]) -> Markup {
     }
 }
 
-/// What each has over the benchmark on the same crane: error, then largest motor speed and energy.
+/// Ratios to the benchmark on the same crane: error, then largest motor speed and energy.
 fn beside_the_benchmark(rows: &[&Row]) -> Markup {
     let retuned = rows.iter().any(|r| r.rms_true_over_retuned_benchmark.is_some());
     let others: Vec<&&Row> =
@@ -146,7 +146,8 @@ fn beside_the_benchmark(rows: &[&Row]) -> Markup {
     }
 }
 
-/// Why the simulated speed in an unchanged closed loop hurts, from the loop's equations.
+/// Explanation from the loop's equations why simulation feedforward in an unchanged closed loop can
+/// increase the error.
 fn explanation() -> Markup {
     html! {
         h2 { "Where simulation feedforward helps, and where it hurts" }
@@ -178,13 +179,13 @@ fn explanation() -> Markup {
 }
 
 const WIDTH: f64 = 560.0;
-/// Column of the names: the longest takes 274.
+/// Width of the names' column; the longest name takes 274.
 const LEFT: f64 = 288.0;
 const LINE: f64 = 34.0;
-/// Width of a decade in which there is room for more than its own number.
+/// Width of a decade above which further numbers are printed.
 const ROOMY: f64 = 110.0;
 
-/// Boxes over a logarithmic axis, as SVG.
+/// Box plots over a logarithmic axis, as SVG.
 fn boxes(axis: &str, rows: &[(&Row, Percentiles)]) -> Drawing {
     let table: Vec<(&str, Vec<f64>)> = rows
         .iter()

@@ -1,18 +1,18 @@
-//! Line figures as SVG that follows the page's colours in light and dark.
+//! Line figures as SVG in the page's colours for light and dark display.
 
 use super::drawing_data::{Drawing, lines_as_csv};
 use super::palette::paint;
 use crate::LabError;
 use plotters::prelude::*;
 
-/// One line of a figure.
+/// Line of a figure.
 pub struct Series<'a> {
     /// Text of the legend.
     pub name: &'a str,
     /// Points.
     pub points: Vec<(f64, f64)>,
-    /// Which of the palette's colours it has: [`colour_of`](super::colour_of) a strategy's, or
-    /// [`NEUTRAL`](super::NEUTRAL) of a reference.
+    /// Index of its colour in the palette: [`colour_of`](super::colour_of) a strategy, or
+    /// [`NEUTRAL`](super::NEUTRAL) for a reference.
     pub colour: usize,
 }
 
@@ -24,7 +24,7 @@ impl<'a> Series<'a> {
     }
 }
 
-/// A figure with one pair of axes.
+/// Figure with one pair of axes.
 pub struct Figure<'a> {
     /// Label of the horizontal axis, with its unit.
     pub x: &'a str,
@@ -32,43 +32,43 @@ pub struct Figure<'a> {
     pub y: &'a str,
     /// Lines.
     pub series: Vec<Series<'a>>,
-    /// How the axes are divided.
+    /// Scaling of the axes.
     pub axes: Axes,
 }
 
-/// How a figure's axes are divided.
+/// Scaling of a figure's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// Both evenly.
+    /// Both linear.
     Linear,
-    /// Both by decades, with a dot at every point.
+    /// Both logarithmic, with a dot at every point.
     Logarithmic,
-    /// The horizontal one by decades.
+    /// Horizontal axis logarithmic.
     LogarithmicX,
 }
 
-/// Stand-ins that are replaced by the page's own colours, which depend on light or dark.
+/// Placeholder colours, replaced by the page's own colours for light or dark display.
 pub(super) const INK: RGBColor = RGBColor(1, 2, 3);
 pub(super) const GRID: RGBColor = RGBColor(4, 5, 6);
 
-/// Drawn four times as large as shown, because the backend rounds to whole pixels.
+/// Oversampling factor, because the backend rounds to whole pixels.
 pub(super) const FINE: u32 = 4;
-/// Narrow enough that its text can be read on a phone.
+/// Size of the figure, narrow enough for readable text on a phone.
 const SIZE: (u32, u32) = (560, 290);
 const TEXT: u32 = 16;
-/// Height of a line of the legend, which stands above the lines that are drawn.
+/// Height of a line of the legend, which is above the plotted lines.
 const LEGEND_LINE: u32 = 22;
-/// Height of the axes alone.
+/// Height of the axes.
 const AXES: f64 = 222.0;
-/// More points than pixels only make the page heavy.
+/// Largest number of points per line; more than the pixels only increase the file size.
 const MOST_POINTS: usize = 900;
 
 impl Figure<'_> {
-    /// The figure, drawn.
+    /// Draws the figure.
     ///
     /// # Errors
     ///
-    /// [`LabError::Figure`] when there is nothing finite to draw.
+    /// [`LabError::Figure`] if there is no finite value.
     pub fn drawn(&self) -> Result<Drawing, LabError> {
         let svg = self.svg()?;
         let lines = || self.series.iter().map(|line| (line.name, line.points.as_slice()));
@@ -100,7 +100,7 @@ impl Figure<'_> {
         let (y_low, y_high) = extent(|p| p.1);
         let legend = if series.len() > 1 { LEGEND_LINE * series.len() as u32 } else { 0 };
         let size = (SIZE.0 * FINE, (SIZE.1 + legend) * FINE);
-        // share of the drawn lines' height that the legend takes above them
+        // height of the legend over that of the plotted lines
         let room = f64::from(legend) / AXES;
         let mut svg = String::new();
         {
@@ -140,7 +140,7 @@ impl Figure<'_> {
                         drawn.label(*name).legend(move |(x, y)| {
                             PathElement::new([(x, y), (x + 18 * FINE as i32, y)], style)
                         });
-                        // dots where the points are few enough to be told apart
+                        // dots only if the points are few enough to be distinguished
                         if self.axes == Axes::Logarithmic && points.len() < 100 {
                             let dots =
                                 points.iter().map(|p| Circle::new(*p, 3 * FINE, colour.filled()));
@@ -177,7 +177,7 @@ impl Figure<'_> {
     }
 }
 
-/// A number as an axis shows it.
+/// Number as a label of an axis.
 pub(super) fn number(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
@@ -189,12 +189,12 @@ pub(super) fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
-/// A tick of an axis of some length: rounding leaves no exact zero in a sum of steps.
+/// Label of a tick on an axis of given length. A sum of steps leaves no exact zero because of rounding.
 pub(super) fn tick(value: f64, length: f64) -> String {
     number(if value.abs() < 1e-9 * length { 0.0 } else { value })
 }
 
-/// At most [`MOST_POINTS`] points that keep every extreme: the lowest and highest of each stretch.
+/// At most [`MOST_POINTS`] points that keep every extreme: minimum and maximum of each interval.
 fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     if points.len() <= MOST_POINTS {
         return points;
@@ -212,7 +212,7 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     kept
 }
 
-/// The SVG with the stand-in colours replaced by the page's, and made to scale.
+/// SVG with the placeholder colours replaced by the page's, and scaled.
 pub(super) fn themed(svg: &str, size: (u32, u32)) -> String {
     svg.replace("#010203", "var(--ink)").replace("#040506", "var(--grid)").replacen(
         &format!("width=\"{}\" height=\"{}\"", size.0, size.1),

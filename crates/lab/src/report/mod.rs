@@ -1,5 +1,4 @@
-//! Self-contained HTML pages with tables and figures: the study's, the motion tests', the
-//! frequency responses.
+//! Self-contained HTML pages with tables and figures.
 
 mod bars;
 mod bode;

@@ -1,24 +1,24 @@
-//! What a report says of its making.
+//! Origin of a report.
 
 use maud::{Markup, html};
 
-/// What a report says of its making, so that it can be made again.
+/// Origin of a report, for its reproduction.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
     /// Version of the program.
     pub version: String,
-    /// The command, as it was given.
+    /// Command as entered.
     pub command: String,
-    /// When (UTC).
+    /// Date (UTC).
     pub date: String,
-    /// What was read: what it is, its name, and its SHA-256.
+    /// Input files: meaning, name, and SHA-256.
     pub read: Vec<(String, String, String)>,
-    /// Seed of what was drawn at random, where something was.
+    /// Seed of the random numbers, if any.
     pub seed: Option<u64>,
 }
 
 impl Origin {
-    /// The block at the end of a page.
+    /// Block at the end of a page.
     pub(super) fn block(&self) -> Markup {
         html! {
             footer {

@@ -1,4 +1,4 @@
-//! The page.
+//! Page of the study.
 
 use super::document::{Page, document};
 use super::drawing;
@@ -23,7 +23,7 @@ use maud::{Markup, html};
 ///
 /// # Errors
 ///
-/// [`LabError`] when a figure cannot be drawn.
+/// [`LabError`] if a figure cannot be drawn.
 pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> {
     let body = html! {
                 p.soft {
@@ -58,7 +58,7 @@ pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> 
     Ok(document(&format!("Hydroboom study: {}", study.crane), &body))
 }
 
-/// The paper's headline claims.
+/// Main claims of the paper.
 fn claims(study: &Study) -> Markup {
     let beside_paper = study.is_papers_crane;
     let beside_virtual = study.virtual_eigenfrequency_hz.is_some();
@@ -204,7 +204,7 @@ fn validation(study: &Study) -> Result<Markup, LabError> {
     })
 }
 
-/// Both errors of a row.
+/// RMS and peak error of a row.
 type RmsAndPeak = [fn(&Row) -> f64; 2];
 
 fn tracking(study: &Study) -> Result<Markup, LabError> {
@@ -320,7 +320,7 @@ fn damping(study: &Study) -> Markup {
     }
 }
 
-/// Ours beside the paper's tests.
+/// Own test in addition to the paper's.
 fn test_4(study: &Study) -> Markup {
     let of = |row: &Row, strategy| {
         let same =
@@ -446,7 +446,7 @@ fn energy(study: &Study) -> Result<Markup, LabError> {
     })
 }
 
-/// Error of a scheme at a step under an excitation \[bar\].
+/// Pressure error of a scheme with a step under an excitation \[bar\].
 fn error_at(study: &Study, excitation: Excitation, like: &Point) -> String {
     let is = |p: &&Point| {
         p.excitation == excitation && p.scheme == like.scheme && p.step_us == like.step_us

@@ -1,11 +1,11 @@
-//! Colours of figures: one for each strategy in all of them.
+//! Colours of figures, consistent for each strategy.
 
 use crate::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_control::strategy::Strategy;
 use plotters::style::RGBColor;
 
-/// Mid-tone colours that can be told apart on white and on black, also without colour vision
-/// (after Okabe and Ito); strategies have them in the order of [`Strategy::ALL`].
+/// Medium colours that are distinguishable on white and on black and with colour blindness (after Okabe and
+/// Ito). Strategies use them in the order of [`Strategy::ALL`].
 pub(super) const COLOURS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -14,21 +14,21 @@ pub(super) const COLOURS: [RGBColor; 5] = [
     RGBColor(150, 130, 20),
 ];
 
-/// The colour of a reference, and of a limit, which is no strategy's.
+/// Colour of a reference or a limit.
 pub const NEUTRAL: usize = usize::MAX;
 const GREY: RGBColor = RGBColor(122, 130, 140);
 
-/// The place in the palette of a strategy.
+/// Index of a strategy in the palette.
 pub fn colour_of(strategy: Strategy) -> usize {
     Strategy::ALL.iter().position(|s| *s == strategy).unwrap_or(NEUTRAL)
 }
 
-/// The place of a controller: that of its strategy, or beyond the palette, which begins anew.
+/// Index of a controller: that of its strategy, or an index beyond the palette, whose colours then repeat.
 pub(super) fn colour_of_controller(controller: ControllerChoice) -> usize {
     controller.place()
 }
 
-/// The colour of a place.
+/// Colour of an index.
 pub(super) fn paint(place: usize) -> RGBColor {
     match place {
         NEUTRAL => GREY,

@@ -1,4 +1,4 @@
-//! Errors against effort: a mark for each controller, with bars over the family.
+//! Error over effort: a mark per controller with bars over the family.
 
 use super::drawing_data::{Drawing, rows_as_csv};
 use super::figure::{FINE, GRID, INK, number, themed, tick};
@@ -8,19 +8,19 @@ use crate::closed_loop::monte_carlo::Percentiles;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// A controller: its effort and its error over a family.
+/// Effort and error of a controller over a family.
 pub struct ParetoPoint<'a> {
     /// Text of the legend.
     pub name: &'a str,
-    /// Which of the palette's colours it has; beyond the palette they begin anew, as triangles.
+    /// Index of its colour in the palette. Beyond the palette the colours repeat with triangles as marks.
     pub colour: usize,
-    /// Effort: its median, and a bar from the 5th to the 95th percentile.
+    /// Effort: median, and a bar from the 5th to the 95th percentile.
     pub effort: Percentiles,
     /// Error, likewise.
     pub error: Percentiles,
 }
 
-/// Error on a logarithmic axis over effort on an even one.
+/// Error on a logarithmic axis over effort on a linear one.
 pub struct Pareto<'a> {
     /// Label of the horizontal axis, with its unit.
     pub effort: &'a str,
@@ -30,20 +30,21 @@ pub struct Pareto<'a> {
     pub marks: Vec<ParetoPoint<'a>>,
 }
 
-/// Narrow enough that its text is readable on a phone. Heights of the axes and of a line of the legend below them.
+/// Width of the figure, narrow enough for readable text on a phone; heights of the axes and of a line of
+/// the legend below.
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 340;
 const LINE: u32 = 22;
 const TEXT: u32 = 16;
-/// Axes reach at least so far to both sides of one, where the benchmark is.
+/// Smallest range of the axes on both sides of 1, the benchmark's value.
 const NEAR_ONE: f64 = 0.05;
 
 impl Pareto<'_> {
-    /// The figure, drawn; controllers without a finite median or percentile are left out.
+    /// Draws the figure; controllers without finite percentiles are omitted.
     ///
     /// # Errors
     ///
-    /// [`LabError::Figure`] when there is nothing finite to draw.
+    /// [`LabError::Figure`] if there is no finite value.
     pub fn drawn(&self) -> Result<Drawing, LabError> {
         let svg = self.svg()?;
         let rows: Vec<(&str, Vec<f64>)> = self
@@ -163,7 +164,7 @@ mod tests {
         ParetoPoint { name, colour, effort: spread(effort), error: spread(error) }
     }
 
-    /// Further left is less effort, further down (a larger y in the page) less error.
+    /// Less effort is further left, less error further down (a larger y on the page).
     #[test]
     fn less_effort_and_less_error_are_towards_the_lower_left() {
         let marks = vec![

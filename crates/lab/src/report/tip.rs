@@ -1,4 +1,4 @@
-//! The estimated tip along a cycle: how far it hangs below a rigid boom, with bounds, and what is left.
+//! Estimated tip along a cycle: height relative to a rigid boom with bounds, and error.
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, lines_as_csv};
@@ -10,24 +10,24 @@ use maud::html;
 use plotters::prelude::*;
 
 const WIDTH: u32 = 760;
-/// Heights of the figure, and of its upper part.
+/// Height of the figure, and of its upper part.
 const HEIGHT: u32 = 620;
 const UPPER: u32 = 360;
-/// Instants that are drawn.
+/// Number of plotted instants.
 const POINTS: usize = 700;
-/// Time at the beginning that does not count for the size of the axes \[s\].
+/// Initial time that does not affect the range of the axes \[s\].
 const SETTLING: f64 = 2.0;
 
-/// One line with its band.
+/// Line with its band.
 struct Band {
     name: &'static str,
     colour: RGBColor,
     opacity: f64,
-    /// Time \[s\], value and two standard deviations \[mm\]; no band where these are zero.
+    /// Time \[s\], value and two standard deviations \[mm\]; zero for no band.
     points: Vec<(f64, f64, f64)>,
 }
 
-/// Two axes over one time: height below a rigid boom above, error below.
+/// Two plots over the same time: height relative to a rigid boom above, error below.
 fn svg(course: &[TipInstant]) -> Result<Drawing, LabError> {
     let step = course.len().div_ceil(POINTS).max(1);
     let instants: Vec<&TipInstant> = course.iter().step_by(step).collect();
@@ -92,7 +92,7 @@ fn draw(
     (bands, legend): (&[Band], f64),
 ) -> Result<(), LabError> {
     let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
-    // bounds are wide before anything was measured for long: they run out of the axes there
+    // initial bounds are wide and may exceed the axes
     let settled = times.start + SETTLING.min(0.5 * (times.end - times.start));
     let shown = bands.iter().flat_map(|b| &b.points).filter(|(t, ..)| *t >= settled);
     let ends = shown.flat_map(|(_, v, d)| [v - d, v + d]);
@@ -103,7 +103,7 @@ fn draw(
         return Err(LabError::Figure(format!("nothing to draw of {y}")));
     }
     let pad = 0.06 * (high - low);
-    // room for the legend above the lines
+    // space for the legend above the lines
     let head = pad * (1.0 + legend * bands.len() as f64);
     let within = |value: f64| value.clamp(low - pad, high + head);
     let font = ("sans-serif", 14 * FINE).into_font().color(&INK);
@@ -160,11 +160,11 @@ fn draw(
         .map_err(|e| failed(&e))
 }
 
-/// A page with the accuracy of the estimated tip over a family, and a cycle of the crane of the median error.
+/// Page with the accuracy of the estimated tip over a family, and a cycle of the crane of median error.
 ///
 /// # Errors
 ///
-/// [`LabError::Figure`] when the figure cannot be drawn.
+/// [`LabError::Figure`] if the figure cannot be drawn.
 pub fn tip_page(title: &str, found: &TipAccuracy) -> Result<Page, LabError> {
     let drawn = svg(&found.course)?;
     let caption = format!(

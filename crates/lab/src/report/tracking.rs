@@ -13,7 +13,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_design::stability::LoopStability;
 use maud::{Markup, html};
 
-/// What the paper's figures hold against each other, and ours.
+/// Strategies compared in the paper's figures, and the own comparison.
 const COMPARED: [(&str, [Strategy; 2]); 4] = [
     (
         "Figure 25, test 1: open loop",
@@ -33,16 +33,16 @@ const COMPARED: [(&str, [Strategy; 2]); 4] = [
     ),
 ];
 
-/// A value of every sample over time \[s\].
+/// Quantity of every sample over time \[s\].
 pub fn over_time(run: &Run, value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     run.samples.iter().map(|s| (s.time, value(s))).collect()
 }
 
-/// The figures of one course on the named plant; `reference` is any run with its reference.
+/// Figures of one course on the named plant; `reference` is any run with its reference.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a figure cannot be drawn.
+/// [`LabError`] if a figure cannot be drawn.
 pub fn panels<'a>(
     find: impl Fn(Strategy) -> Option<&'a Run>,
     reference: Option<&'a Run>,
@@ -84,10 +84,10 @@ pub fn panels<'a>(
     })
 }
 
-/// Said in place of a second column.
+/// Note that replaces a second column.
 pub const IDEAL_SENSORS: &str = "Sensors are ideal: the measured error is the true one.";
 
-/// What a page of motion tests shows.
+/// Content of a page of motion tests.
 pub struct MotionTests<'a> {
     /// Name of the model.
     pub crane: &'a str,
@@ -95,22 +95,21 @@ pub struct MotionTests<'a> {
     pub plant: &'a str,
     /// All strategies along all courses.
     pub runs: &'a [Run],
-    /// The published model along the same course as the fastest velocity feedforward run, for
-    /// figures 18 to 23.
+    /// Published model along the course of the fastest velocity feedforward run, for figures 18 to 23.
     pub alongside: Option<&'a Run>,
-    /// Whether the crane is the paper's: its figures stand beside no other.
+    /// Whether the crane is the paper's; its values are shown for no other.
     pub is_papers_crane: bool,
-    /// Loops of the strategies around the plant.
+    /// Stability of the strategies' loops on the plant.
     pub loops: &'a [LoopStability],
-    /// What is to be said of the plant, if anything.
+    /// Remark on the plant, if any.
     pub remark: Option<&'a str>,
 }
 
-/// A page with the figures of every course that was run.
+/// Page with the figures of every course.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a figure cannot be drawn.
+/// [`LabError`] if a figure cannot be drawn.
 pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     let mut courses: Vec<&str> = tests.runs.iter().map(|run| run.course.as_str()).collect();
     courses.dedup();
@@ -163,7 +162,7 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     Ok(document(&format!("Motion tests: {}", tests.crane), &body))
 }
 
-/// A cell with an error of a run, or what stands in its place where the run oscillates or stopped.
+/// Cell with an error of a run, or the note that it oscillates or stopped.
 pub(super) fn here(row: &Row, mm: f64) -> Markup {
     match (&row.stopped, row.sustained_oscillation) {
         (Some(reason), _) => html! { td.unstable { "stopped: " (reason) } },

@@ -1,4 +1,4 @@
-//! Trials as a page: bars of each contender's error, and a table.
+//! Page of trials: bars of each controller's error, and a table.
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure};
@@ -9,7 +9,7 @@ use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::robustness::Outcome;
 use maud::{Markup, html};
 
-/// The page of trials on a crane, with a remark on the crane if there is one.
+/// Page of trials on a crane, with an optional remark on the crane.
 pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> Page {
     let mut names: Vec<&str> = Vec::new();
     for outcome in outcomes {
@@ -38,7 +38,7 @@ pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> P
     document(&format!("Trials: {crane}"), &body)
 }
 
-/// Error and vibration of all trials beside each other, a column for each contender.
+/// Error and vibration of all trials in one table, a column per controller.
 fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
     let mut controllers: Vec<ControllerChoice> = Vec::new();
     for outcome in outcomes {
@@ -66,15 +66,15 @@ fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
     }
 }
 
-/// A number that may be drawn.
+/// Quantity of an outcome that may be drawn.
 type Drawn = fn(&Outcome) -> Option<f64>;
 
-/// An error; none where the loop oscillates or could not be finished.
+/// Error; none if the loop oscillates or the run could not be finished.
 fn error(outcome: &Outcome, mm: f64) -> Option<f64> {
     (outcome.stable && mm.is_finite()).then_some(mm)
 }
 
-/// What is drawn of each trial: axis, caption, number.
+/// Figures of each trial: axis, caption, quantity.
 const FIGURES: [(&str, &str, Drawn); 2] = [
     (
         "RMS true [mm]",
@@ -88,7 +88,7 @@ const FIGURES: [(&str, &str, Drawn); 2] = [
     ),
 ];
 
-/// Those that can be compared, as bars; none where there is nothing to draw.
+/// Comparable outcomes as bars; none if there is nothing to draw.
 fn bars(axis: &str, value: Drawn, of: &[&Outcome]) -> Option<Drawing> {
     let bar = |o: &&Outcome| {
         let to = value(o)?;

@@ -1,4 +1,4 @@
-//! Figures 18 to 23: position and pressures, the published model beside a crane.
+//! Figures 18 to 23: position and pressures of the published model compared with a crane.
 
 use super::drawing_data::figure;
 use super::figure::{Axes, Figure, Series};
@@ -19,11 +19,11 @@ const SIGNALS: [Signal; 6] = [
     (23, "p_acc", "p_acc [bar]", |r| r.pressure_accumulator * 1e-5),
 ];
 
-/// The figures: both under velocity feedforward along the same course; `name` is the crane's.
+/// Figures of both under velocity feedforward along the same course; `name` is the crane's.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a figure cannot be drawn.
+/// [`LabError`] if a figure cannot be drawn.
 pub fn panels(simulated: &Run, crane: &Run, name: &str) -> Result<Markup, LabError> {
     let mut shown = Vec::new();
     for (number, signal, axis, of) in SIGNALS {

@@ -1,4 +1,4 @@
-//! The published benchmark controller, on the independent plant and on the virtual crane.
+//! Published benchmark controller on the independent plant and on the virtual crane.
 
 use crate::plant::Readings;
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
@@ -6,7 +6,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::motion_test::run;
 
-/// The benchmark of the model along the motion at a speed \[m/s\], as a controller of the independent plant.
+/// Benchmark controller of the model along the motion at a speed \[m/s\], for the independent plant.
 pub fn benchmark(model: &Description, speed: f64) -> impl FnMut(&Readings) -> f64 {
     let (controller, motion) = (model.benchmark(), model.motion(speed));
     let cylinder = model.cylinder();
@@ -21,7 +21,7 @@ pub fn benchmark(model: &Description, speed: f64) -> impl FnMut(&Readings) -> f6
     }
 }
 
-/// The benchmark's true RMS error on the virtual crane along the same motion \[m\].
+/// RMS true error of the benchmark on the virtual crane along the same motion \[m\].
 pub fn rms_error_on_virtual_crane(model: &Description, crane: &Description, speed: f64) -> f64 {
     let motion = model.motion(speed);
     let run = run(model, crane, Strategy::BenchmarkClosedLoop, &motion).unwrap();

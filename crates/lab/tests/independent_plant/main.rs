@@ -1,5 +1,5 @@
-//! A crane that shares no code with the model: `crane.c`, in which the boom is a continuous beam. Here: that it is a
-//! crane, by physics, and that the published benchmark controller moves it as well as the virtual crane.
+//! Crane that shares no code with the model: `crane.c`, in which the boom is a continuous beam. The tests
+//! check its physics, and that the controllers perform on it as on the virtual crane.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -65,7 +65,8 @@ fn the_load_pressure_at_rest_balances_the_weight() {
     }
 }
 
-/// The model's chain of ten segments on a rigid base, without friction, has the lowest natural frequency of the beam.
+/// The model's chain of ten segments on a rigid base, without friction, has the beam's lowest natural
+/// frequency.
 #[test]
 fn the_natural_frequency_is_that_of_the_models_linearisation() {
     let crane = without_friction(&virtual_crane().divided(10)).unwrap();
@@ -88,7 +89,7 @@ fn the_natural_frequency_is_that_of_the_models_linearisation() {
         let measured = frequency(&time, &stroke).unwrap();
         let predicted = locked_mode(&crane, 1e-3 * stroke_mm).unwrap();
         assert!((measured / predicted.frequency_hz - 1.0).abs() < 0.02, "{measured} {predicted:?}");
-        // nothing feeds the oscillation, and little but the boom's own damping takes from it
+        // nothing excites the oscillation, and hardly anything but the boom's own damping reduces it
         let range = |part: &[f64]| {
             let (low, high) =
                 part.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
@@ -99,7 +100,8 @@ fn the_natural_frequency_is_that_of_the_models_linearisation() {
     }
 }
 
-/// A payload that changes is held by the pressure of the new weight once viscous friction has ended the oscillation.
+/// After a payload change, the load pressure balances the new weight once viscous friction has damped the
+/// oscillation.
 #[test]
 fn a_changed_payload_is_held_by_its_own_pressure() {
     let mut crane = virtual_crane();
@@ -121,7 +123,8 @@ fn a_changed_payload_is_held_by_its_own_pressure() {
     }
 }
 
-/// A command takes a period to the drive and a reading one back; the drive follows within its slew.
+/// A command takes one period to the drive, and a measurement one period back; the drive follows within its
+/// slew rate.
 #[test]
 fn the_motor_is_read_two_periods_after_the_command() {
     let numbers = virtual_crane().numbers;
@@ -135,7 +138,7 @@ fn the_motor_is_read_two_periods_after_the_command() {
     assert!((speeds[200] / 30.0 - 1.0).abs() < 1e-3, "{speeds:?}");
 }
 
-/// At rest the readings scatter by the sensors' noise, in steps of their resolution.
+/// At rest the measurements have the sensors' noise and resolution.
 #[test]
 fn readings_scatter_as_the_sensors_do() {
     let numbers = virtual_crane().numbers;
@@ -163,7 +166,8 @@ fn readings_scatter_as_the_sensors_do() {
     assert!((steps - steps.round()).abs() < 1e-6, "{steps}");
 }
 
-/// With the motor at rest and the load held nothing moves; pump side A sinks as its leakage takes it.
+/// With the motor at rest and the load held nothing moves; the pressure of pump side A decreases by its
+/// leakage.
 #[test]
 fn at_rest_pressure_sinks_by_leakage_only() {
     let crane = virtual_crane();
@@ -182,7 +186,8 @@ fn at_rest_pressure_sinks_by_leakage_only() {
         samples.iter().map(|s| (s.true_stroke - samples[0].true_stroke).abs()).fold(0.0, f64::max);
     assert!(most < 1e-6, "{most}");
 
-    // p' = -(beta/V) (K_int r(p - p_PB) + K_ext r(p - p_acc) + c_0 (p - p_PB)), the oil at its full stiffness
+    // p' = -(beta/V) (K_int r(p - p_PB) + K_ext r(p - p_acc) + c_0 (p - p_PB)), with the largest bulk
+    // modulus
     let last = windows.len() - 1;
     let (time, low) = (0.1 * last as f64, mean(windows[0], |s| s.readings.pressure_pump_b));
     let accumulator = mean(windows[0], |s| s.readings.pressure_accumulator);
@@ -201,7 +206,8 @@ fn at_rest_pressure_sinks_by_leakage_only() {
     assert!((sunk - 1.0).abs() < 0.01, "{sunk}");
 }
 
-/// The integrator's error is small against what sensors resolve: half the step gives the same path.
+/// The integration error is small compared with the sensors' resolution: half the step gives the same
+/// trajectory.
 #[test]
 fn half_the_step_gives_the_same_path() {
     let model = model();
@@ -230,7 +236,7 @@ fn the_benchmark_tracks_as_on_the_virtual_crane() {
     assert!(here < 1.5 * there && there < 1.5 * here, "{here} {there}");
 }
 
-/// On a plant that is not the model, neither along the motion nor with a load that changes on the way.
+/// On a plant that differs from the model, along the motion and with a load change during it.
 #[test]
 fn the_scheduled_lqr_tracks_with_a_tenth_of_the_benchmarks_error() {
     let model = model();

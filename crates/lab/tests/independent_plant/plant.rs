@@ -1,4 +1,4 @@
-//! The independent plant as a process, and a controller at work on it.
+//! Independent plant as a process, and a controller acting on it.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 /// Control period \[s\].
 const PERIOD: f64 = 1e-3;
 
-/// What a controller reads of the plant: through sensors and fieldbus, one control period late.
+/// Measurements of the plant through sensors and fieldbus, one control period late.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings {
     /// Time since the start \[s\].
@@ -32,22 +32,22 @@ pub struct Readings {
 /// One control period.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
-    /// What was read.
+    /// Measurements.
     pub readings: Readings,
-    /// Piston position itself, now \[m\].
+    /// True piston position now \[m\].
     pub true_stroke: f64,
 }
 
-/// The payload becomes `mass` \[kg\] at `time` \[s\].
+/// Change of the payload to `mass` \[kg\] at `time` \[s\].
 #[derive(Clone, Copy, Debug)]
 pub struct PayloadChange {
-    /// When \[s\].
+    /// Time \[s\].
     pub time: f64,
-    /// The payload from then on \[kg\].
+    /// New payload \[kg\].
     pub mass: f64,
 }
 
-/// The plant at work in a process of its own.
+/// Plant in a process of its own.
 pub struct IndependentPlant {
     process: Child,
     requests: Option<ChildStdin>,
@@ -57,8 +57,8 @@ pub struct IndependentPlant {
 }
 
 impl IndependentPlant {
-    /// The virtual crane's file, at rest at the start of its motion with the load-holding valve open;
-    /// `assignments` replace values of the file, as `section.key=VALUE`.
+    /// Plant of the virtual crane's file, at rest at the start of its motion with the load-holding valve
+    /// open. `assignments` override values of the file, as `section.key=VALUE`.
     pub fn start(assignments: &[&str]) -> Self {
         let crane_file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../cranes/uia-virtual.toml");
         let mut process = Command::new(program())
@@ -75,7 +75,7 @@ impl IndependentPlant {
         Self { process, requests, answers, periods: 0, sample }
     }
 
-    /// Advances by one control period with the motor speed \[rev/s\] commanded.
+    /// Advances by one control period with the commanded motor speed \[rev/s\].
     pub fn run(&mut self, motor_speed: f64) -> Sample {
         self.request("run", motor_speed);
         self.periods += 1;
@@ -89,7 +89,7 @@ impl IndependentPlant {
         self.request("payload", mass);
     }
 
-    /// Releases the 3/2 valve: the load-holding valves close.
+    /// De-energises the 3/2 valve: the load-holding valves close.
     pub fn hold_load(&mut self) {
         self.request("valve", 0.0);
     }
@@ -99,7 +99,7 @@ impl IndependentPlant {
         self.request("impulse", rate);
     }
 
-    /// Runs a controller, from readings to motor speed \[rev/s\], over `duration` \[s\].
+    /// Runs a controller, a function from measurements to motor speed \[rev/s\], over `duration` \[s\].
     pub fn control(
         &mut self,
         duration: f64,
@@ -126,13 +126,13 @@ impl IndependentPlant {
 
 impl Drop for IndependentPlant {
     fn drop(&mut self) {
-        // the end of its input ends the process
+        // the process ends at the end of its input
         drop(self.requests.take());
         let _ = self.process.wait();
     }
 }
 
-/// Root mean square of the true tracking error over all samples \[m\].
+/// RMS true tracking error over all samples \[m\].
 pub fn rms_error(samples: &[Sample], reference: impl Fn(f64) -> f64) -> f64 {
     let square = |s: &Sample| (s.true_stroke - reference(s.readings.time)).powi(2);
     (samples.iter().map(square).sum::<f64>() / samples.len() as f64).sqrt()
@@ -168,14 +168,14 @@ fn answered(answers: &mut BufReader<ChildStdout>, time: f64) -> Sample {
     Sample { readings, true_stroke }
 }
 
-/// The C program, compiled once, with warnings for errors.
+/// The C program, compiled once with warnings as errors.
 fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
         let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("independent_plant");
         std::fs::create_dir_all(&folder).unwrap();
         let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/independent_plant/crane.c");
-        // compiled aside and renamed: tests in other processes may be at it, too
+        // compiled under another name and renamed, because tests in other processes may compile it too
         let program = folder.join("crane");
         let fresh = folder.join(format!("crane-{}", std::process::id()));
         let output = Command::new("cc")

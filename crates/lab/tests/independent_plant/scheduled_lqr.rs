@@ -1,4 +1,4 @@
-//! The scheduled LQR on the independent plant.
+//! Scheduled LQR on the independent plant.
 
 use crate::plant::Readings;
 use hydroboom_control::controller::Controller;
@@ -7,7 +7,7 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 
-/// The scheduled LQR of the model along the motion at a speed \[m/s\], as a controller of the independent plant.
+/// Scheduled LQR of the model along the motion at a speed \[m/s\], for the independent plant.
 pub fn scheduled_lqr(model: &Description, speed: f64) -> impl FnMut(&Readings) -> f64 {
     let (motion, period) = (model.motion(speed), model.numbers.control_period);
     let mut controller = scheduled_lqr_controller(model).unwrap();

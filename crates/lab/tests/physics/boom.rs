@@ -1,4 +1,4 @@
-//! The boom's equations of motion and its segments.
+//! Equations of motion and segments of the boom.
 
 use crate::cranes::{Scatter, described, resting, scattered};
 use hydroboom_description::Description;
@@ -9,8 +9,8 @@ type D = Dual<f64, 1>;
 
 #[test]
 fn equations_of_motion_agree_with_lagrange() {
-    // d/dt dT/dphi' - dT/dphi + dV/dphi = joints + arm F, with T and V from the energies: an
-    // independent derivation of the mass matrix, the centripetal terms and gravity
+    // d/dt dT/dphi' - dT/dphi + dV/dphi = joints + arm F, with T and V from the energies: an independent
+    // derivation of mass matrix, centripetal terms and gravity
     let description = described(&["payload.y_mm=80", "payload.inertia_kgm2=12"]);
     let (crane, at_rest) = resting::<3>(&description, 0.3);
     let mut random = Scatter(3);
@@ -28,7 +28,7 @@ fn equations_of_motion_agree_with_lagrange() {
         let pose = crane.boom.pose(&state.boom.angle);
         let cylinder = crane.boom.cylinder_pose(&pose);
         for i in 0..3 {
-            // the outer slope along coordinate i, the inner one along time
+            // outer derivative with respect to coordinate i, inner one with respect to time
             let variable = |value: f64, rate: f64, own: bool| Dual {
                 value: Dual { value, slope: [rate] },
                 slope: [Dual { value: f64::from(u8::from(own)), slope: [0.0] }],
@@ -57,7 +57,7 @@ fn equations_of_motion_agree_with_lagrange() {
 
 #[test]
 fn number_of_segments_is_free_and_layouts_agree() {
-    // at its own stiffness a finer boom rings a little lower, and converges
+    // with its own stiffness a finer boom has a slightly lower frequency, which converges
     let mode = |segments: usize| {
         let crane = described(&[&format!("boom.segments={segments}")]);
         let frictionless = hydroboom_lab::eigenfrequency::without_friction(&crane).unwrap();
@@ -75,15 +75,15 @@ fn more_segments_come_nearer_at_second_order_or_better() {
     let frequency =
         |segments: usize| locked_mode(&frictionless.divided(segments), 0.2).unwrap().frequency_hz;
     let [coarse, middle, fine, finest] = [6, 12, 24, 48].map(frequency);
-    // halving the segments leaves a quarter of the change
+    // halving the segments reduces the change to a quarter
     assert!((middle - coarse).abs() > 3.5 * (fine - middle).abs(), "{coarse} {middle} {fine}");
     assert!((fine - middle).abs() > 3.5 * (finest - fine).abs(), "{middle} {fine} {finest}");
 }
 
 #[test]
 fn an_elastic_base_is_a_spring_in_series_with_the_cylinder() {
-    // a rigid boom on oil and base: 1/ω² = J (1/k_oil + 1/k_base), each stiffness seen by the boom.
-    // The base alone follows from a second crane, without knowing the oil
+    // rigid boom on oil and base: 1/ω² = J (1/k_oil + 1/k_base), each stiffness referred to the boom; the
+    // base alone follows from a second crane, without knowledge of the oil
     let overrides = |stiffness: f64| {
         described(&[
             "boom.segments=1",
@@ -109,7 +109,7 @@ fn play_in_the_bearings_shifts_a_loaded_boom_and_stiffens_nothing() {
     let described =
         |slack: &str| described(&["boom.segments=10", "base.stiffness_knm_per_rad=3000", slack]);
     let frequency = |slack| locked_mode(&described(slack), 0.25).unwrap().frequency_hz;
-    // the load takes it up on one side
+    // the load keeps the bearing on one side of its play
     let (without, with) = (frequency("base.slack_mrad=0"), frequency("base.slack_mrad=0.5"));
     assert!((with / without - 1.0).abs() < 1e-3, "{with} Hz against {without} Hz");
     let base_angle = |slack| resting::<11>(&described(slack), 0.25).1.boom.angle[10];

@@ -1,4 +1,4 @@
-//! The circuit: oil is conserved, valves open where they should.
+//! Hydraulic circuit: conservation of oil, and opening of the valves.
 
 use crate::cranes::{Scatter, described, resting, scattered};
 use hydroboom_model::CraneState;
@@ -10,8 +10,8 @@ use hydroboom_model::Simulation;
 
 #[test]
 fn oil_that_leaves_one_node_arrives_in_another() {
-    // every internal flow leaves one node and enters another; what the five nodes gain in all is
-    // only what the pump gains by k_flow
+    // every internal flow leaves one node and enters another; the sum over the five nodes is the pump's
+    // gain by k_flow
     let (crane, at_rest) = resting::<3>(&described(&["relief.valves=fitted"]), 0.25);
     let mut random = Scatter(11);
     for _ in 0..100 {
@@ -30,19 +30,19 @@ fn circuit_obeys_its_four_quadrant_table() {
         let p = Nodes { pump_a, a, b, pump_b, accumulator: low };
         crane.circuit.flows(&p, 0.0, valve)
     };
-    // piston side carries the load: side B breathes with the accumulator, side A does not
+    // piston side carries the load: side B is connected to the accumulator, side A is not
     let q = at(70e5, 70e5, 5e5, 5e5, 1.0);
     assert!(q.return_flow > 1e-5 && q.bleed == 0.0, "{q:?}");
-    // rod side carries it (pulling load): side A opens through orifice 10, side B does not
+    // rod side carries the load (pulling load): side A opens through orifice 10, side B does not
     let q = at(5e5, 5e5, 70e5, 70e5, 1.0);
     assert!(q.bleed > 1e-6 && q.return_flow == 0.0, "{q:?}");
-    // a starved side B draws from the accumulator and pushes nothing back
+    // a starved side B draws from the accumulator without return flow
     let q = at(70e5, 70e5, 1e5, 1e5, 1.0);
     assert!(q.suction > 0.0 && q.return_flow == 0.0, "{q:?}");
-    // lifting and lowering pass with the valve energised
+    // lifting and lowering flows pass with the valve energised
     assert!(at(72e5, 70e5, 5e5, 3e5, 1.0).to_a > 0.0);
     assert!(at(68e5, 70e5, 5e5, 3e5, 1.0).to_a < 0.0);
-    // not energised: free towards the cylinder, shut against the load
+    // de-energised: open towards the cylinder, closed against the load
     assert!(at(72e5, 70e5, 5e5, 3e5, 0.0).to_a > 0.0);
     let q = at(3e5, 70e5, 5e5, 3e5, 0.0);
     assert!(q.to_a == 0.0 && q.from_b == 0.0, "{q:?}");
@@ -50,8 +50,8 @@ fn circuit_obeys_its_four_quadrant_table() {
 
 #[test]
 fn oil_is_conserved_through_cavitation() {
-    // a starved piston side: the load is pulled off its oil, then dropped back
-    // (check valves that open only at 90 bar keep the chamber closed)
+    // cavitating piston side: the load is pulled away from its oil, then dropped back (check valves that
+    // open only at 90 bar keep the chamber closed)
     let closed = ["holding_valve.opening_bar=95", "holding_valve.cracking_bar=90"];
     let (crane, at_rest) = resting::<3>(&described(&closed), 0.1);
     let mut state = at_rest;
@@ -77,8 +77,9 @@ fn oil_is_conserved_through_cavitation() {
     assert!((after / before - 1.0).abs() < 2e-5, "{before} m3 became {after} m3");
 }
 
-/// What the pump delivers on the lifting side moves the piston, is compressed, or leaves: up and down, on oil so soft that each opening of a valve
-/// compresses a lot of it, and in steps as long as a control period.
+/// Volume balance: the pump's flow on the lifting side moves the piston, is compressed, or leaves the
+/// circuit. Up and down, with oil so soft that each opening of a valve compresses much of it, and with
+/// steps of a control period.
 #[test]
 fn implicit_steps_lose_no_oil_on_their_way() {
     let soft_and_light = described(&["payload.mass_kg=54", "oil.transition_bar=18"]);
@@ -108,6 +109,7 @@ fn implicit_steps_lose_no_oil_on_their_way() {
         lost += step * ended.pump_delivery - left - stored(&then, now);
         most = most.max(stored(&at_rest, now));
     }
-    // what leaves, and volumes, are averaged over steps, and Newton's iterations end at a Pa; a bar at every opening of a valve would be thousandths
+    // leaving flow and volumes are averaged over steps, and Newton's iterations end at 1 Pa; an error of 1
+    // bar at every opening of a valve would amount to thousandths
     assert!(lost.abs() < 1e-5 * most, "{lost} m3 of {most}");
 }

@@ -1,4 +1,4 @@
-//! Cranes and states to check.
+//! Cranes and states for the tests.
 
 use hydroboom_description::Description;
 use hydroboom_lab::study::IMPLICIT_STEP;
@@ -13,7 +13,7 @@ pub fn described(overrides: &[&str]) -> Description {
     crane
 }
 
-/// It at rest.
+/// The crane at rest.
 pub fn resting<const N: usize>(
     description: &Description,
     stroke: f64,
@@ -23,12 +23,12 @@ pub fn resting<const N: usize>(
     (crane, state)
 }
 
-/// Default implicit steps in a duration \[s\].
+/// Number of default implicit steps in a duration \[s\].
 pub fn steps(duration: f64) -> u32 {
     (duration / IMPLICIT_STEP).round() as u32
 }
 
-/// A fixed sequence of numbers in -1..1 that looks random: states for property checks.
+/// Reproducible pseudo-random numbers in -1 to 1, for states in property tests.
 pub struct Scatter(pub u64);
 
 impl Scatter {
@@ -38,7 +38,7 @@ impl Scatter {
     }
 }
 
-/// A moving state around rest, valves in any position, low-pressure nodes near their kinks.
+/// Moving state around rest with valves in any position and low-pressure nodes near their kinks.
 pub fn scattered<const N: usize>(
     at_rest: &CraneState<f64, N>,
     random: &mut Scatter,

@@ -1,4 +1,4 @@
-//! Energy: every power has its store, and the books close.
+//! Energy: every power has its store, and the balance closes.
 
 use crate::cranes::{Scatter, described, resting, scattered};
 use hydroboom_description::Description;
@@ -15,7 +15,7 @@ type D = Dual<f64, 1>;
 
 #[test]
 fn every_power_has_its_energy() {
-    // dE/dt along the motion, exactly, against the sum of the named powers
+    // dE/dt along the motion, by exact differentiation, against the sum of the named powers
     for overrides in [
         &[][..],
         &["friction.law=lugre", "pump.delivery=computed", "relief.valves=fitted"],
@@ -48,7 +48,7 @@ fn every_power_has_its_energy() {
     }
 }
 
-/// dE/dt by differentiation, by the named powers, and the size of the largest power.
+/// dE/dt by differentiation, by the named powers, and the magnitude of the largest power.
 fn energy_rates<const N: usize>(
     description: &Description,
     random: &mut Scatter,
@@ -98,7 +98,7 @@ fn energy_audit_closes_over_a_motion_cycle() {
     let residual = |step| audit(&crane, Scheme::Implicit, step).unwrap().relative_residual;
     let (coarse, default, fine) = (residual(1e-3), residual(IMPLICIT_STEP), residual(62.5e-6));
     assert!(default < 1e-4, "{default}");
-    // second order on smooth stretches; valves that crack within a step cost a part of it
+    // second order where smooth; valves that crack within a step reduce the order
     let order = (coarse / fine).log2() / 4.0;
     assert!((1.6..2.4).contains(&order), "{order}: {coarse} to {fine}");
 }
@@ -110,6 +110,6 @@ fn energy_audit_of_the_virtual_crane_closes_too() {
     let step = crane.numbers.virtual_step;
     let residual = |step| audit(&crane, Scheme::Implicit, step).unwrap().relative_residual;
     let [own, fine] = [step, 0.25 * step].map(residual);
-    // a bristle that lets go within a step costs a part of the order
+    // a bristle that breaks away within a step reduces the order
     assert!(own < 1e-6 && fine < 0.3 * own, "{own}, {fine}");
 }

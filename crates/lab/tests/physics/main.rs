@@ -1,4 +1,4 @@
-//! What must hold for the assembled crane, whatever its parameters.
+//! Physical properties of the assembled crane that hold for any parameters.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 mod boom;

@@ -1,4 +1,4 @@
-//! One model, several numbers: lanes, single precision, derivatives.
+//! One model with several number types: lanes, single precision, dual numbers.
 
 use crate::cranes::{Scatter, described, resting, scattered};
 use hydroboom_math::{Dual, Lanes, Real};
@@ -8,13 +8,14 @@ use hydroboom_model::{Crane, CraneState, Input};
 
 type D = Dual<f64, 1>;
 
-/// A step by the published scheme. Not inlined, nor is the next one: the compiler's time grows faster than what it has in hand.
+/// Step of the published scheme. Not inlined, like the next one: the compiler's time grows more than in
+/// proportion to the size of a function.
 #[inline(never)]
 fn explicit<T: Real>(crane: &Crane<T, 3>, state: &mut CraneState<T, 3>, input: &Input<T>) {
     published(crane, state, input, T::lit(2e-5));
 }
 
-/// A step by the implicit scheme.
+/// Step of the implicit scheme.
 #[inline(never)]
 fn implicit<T: Real>(
     scheme: &Implicit<T>,
@@ -90,7 +91,7 @@ fn derivatives_match_central_differences_at_scattered_states() {
     let mut random = Scatter(23);
     for _ in 0..30 {
         let (state, input) = scattered(&at_rest, &mut random);
-        // along one direction that moves everything a little
+        // along one direction that changes every state a little
         let mut direction = Vec::new();
         state.map(|v| direction.push(v.abs().max(1e-6) * random.next()));
         let along = |h: f64| {

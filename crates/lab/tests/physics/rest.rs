@@ -1,4 +1,4 @@
-//! A crane at rest stays there.
+//! A crane at rest stays at rest.
 
 use crate::cranes::{described, steps};
 use hydroboom_lab::plant;

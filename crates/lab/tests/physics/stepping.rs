@@ -1,4 +1,4 @@
-//! Time steps: order, damping, agreement, limits, and what happens beyond them.
+//! Integration steps: order, damping, agreement, stability limits, and behaviour beyond them.
 
 use crate::cranes::{described, resting};
 use hydroboom_lab::numerical_damping::numerical_damping;
@@ -37,7 +37,7 @@ fn time_steps_have_the_order_and_the_damping_they_claim() {
         let wanted = match seen.scheme.as_str() {
             "published" => Some(1.0),
             "implicit" => Some(2.0),
-            // below rounding at any step that is stable
+            // rounding dominates at any stable step
             _ => None,
         };
         match (wanted, seen.order) {
@@ -93,8 +93,9 @@ fn published_scheme_substeps_where_it_would_blow_up() {
     }
 }
 
-/// Bristles so stiff that a step of 50 us overshoots them once the piston slides at 120 mm/s, and not at rest: forward Euler needs
-/// h < 2 g/(sigma_0 |v|), 36 us there. With substeps the force is that of the implicit scheme.
+/// Bristles so stiff that a step of 50 us is unstable once the piston slides at 120 mm/s, and stable at
+/// rest. Forward Euler needs h < 2 g/(sigma_0 |v|), 36 us there. With substeps the force is that of the
+/// implicit scheme.
 #[test]
 fn stiff_bristles_take_substeps_while_the_piston_slides() {
     let stiff = described(&["friction.law=lugre", "friction.bristle_stiffness_n_per_mm=3e5"]);
@@ -110,12 +111,12 @@ fn stiff_bristles_take_substeps_while_the_piston_slides() {
     let off = explicit.friction_force / wanted.friction_force - 1.0;
     assert!(off.abs() < 0.02, "friction off by {off}");
     assert!((explicit.stroke - wanted.stroke).abs() < 0.5e-3, "{explicit:?} {wanted:?}");
-    // the limit of a velocity, in closed form
+    // closed form of the step limit at a velocity
     let n = &stiff.numbers;
     let g = n.coulomb + n.stiction * (-(0.12 / n.stribeck_velocity).powi(2)).exp();
     let limit = StepLimit::of_bristles(&stiff.friction_law(), 0.12);
     assert!((limit / (0.7 * 2.0 * g / (3e8 * 0.12)) - 1.0).abs() < 1e-9, "{limit}");
-    // bristles that no thousand substeps follow are refused, by name
+    // bristles that a thousand substeps cannot follow are refused, with their key
     let absurd = described(&["friction.law=lugre", "friction.bristle_stiffness_n_per_mm=1e8"]);
     let refused = plant(&absurd, &absurd.start(0.2), Scheme::Published, 50e-6)
         .map_err(|error| error.to_string())
@@ -146,7 +147,7 @@ fn a_crane_driven_into_ruin_says_so_and_keeps_its_last_good_state() {
     };
     assert!(matches!(reason, Invalid::Pressure | Invalid::Stroke), "{reason:?}");
     assert!(crane.validity(simulation.state()).check().is_ok());
-    // with relief valves the same drive is survived against the stop
+    // with relief valves the same input is survived against the end stop
     let (crane, at_rest) = resting::<3>(&described(&["relief.valves=fitted"]), 0.45);
     let mut simulation = Simulation::new(crane, at_rest, Scheme::Implicit, 250e-6).unwrap();
     simulation.advance(&full_speed, 8000).unwrap();
@@ -156,7 +157,7 @@ fn a_crane_driven_into_ruin_says_so_and_keeps_its_last_good_state() {
 
 #[test]
 fn a_step_that_does_not_settle_is_not_kept() {
-    // full speed into an end stop and back, in steps too long for it, until one does not settle
+    // full speed into an end stop and back with too long a step, until one does not converge
     let (crane, mut state) = resting::<3>(&described(&["relief.valves=fitted"]), 0.45);
     let implicit = Implicit::new(&crane);
     let step = 2e-3;
@@ -164,7 +165,7 @@ fn a_step_that_does_not_settle_is_not_kept() {
         let pump_speed = if k % 500 < 250 { 25.0 } else { -25.0 };
         let input = Input { pump_speed, holding_valve: 1.0 };
         let mut alone = state;
-        // the pressure that counts as settled is 0.01 bar
+        // the convergence tolerance of the pressure is 0.01 bar
         if implicit.step(&crane, &mut alone, &input, step) > 1e3 {
             let mut simulation = Simulation::new(crane, state, Scheme::Implicit, step).unwrap();
             simulation.advance(&input, 1).unwrap();

@@ -1,4 +1,4 @@
-//! The valve-controlled crane against closed forms.
+//! Valve-controlled crane compared with closed-form solutions.
 
 use hydroboom_description::Description;
 use hydroboom_model::stepping::{Implicit, runge_kutta_4};
@@ -25,7 +25,7 @@ fn stroke(crane: &Lift, state: &ValveCraneState<f64, 2>) -> f64 {
 
 const CLOSED: ValveInput<f64> = ValveInput { command: 5.77, supply: 91e5, tank: 1e5 };
 const LIFTING: ValveInput<f64> = ValveInput { command: 4.5, supply: 91e5, tank: 1e5 };
-/// Stiff links and no friction, no air and no leakage, so that closed forms hold.
+/// Stiff links without friction, air and leakage, for which closed forms hold.
 const PLAIN: [&str; 8] = [
     "link_2.joint_stiffness_knm_per_rad=1e6",
     "friction.coulomb_n=0.01",
@@ -62,11 +62,12 @@ fn a_boom_on_a_locked_cylinder_rings_as_its_oil_and_inertia_say() {
     let pose = crane.boom.pose(&begin.boom.angle);
     let inertia: f64 = crane.boom.inertial_moments(&pose, &[1.0; 2]).iter().sum();
     let arm = crane.boom.cylinder_pose(&pose).arm[0];
-    // weight above its bearing softens a little, and its lever turns with the boom: below a hundredth
+    // neglected: the weight above its bearing and the lever's rotation with the boom, together below one
+    // percent
     let expected = (k * arm * arm / inertia).sqrt() / TAU;
 
     let mut state = begin;
-    // gently: the rod side stands at a bar, and must not cavitate
+    // small amplitude: the rod side is at 1 bar and must not cavitate
     state.boom.angular_velocity = [0.001; 2];
     let scheme = Implicit::new(&crane);
     let (mut last, mut crossings) = (0.0, Vec::new());
@@ -98,7 +99,8 @@ fn a_compensated_edge_moves_the_piston_at_its_own_speed() {
     }
     let (end, p_end) = (stroke(&crane, &state), state.circuit.a);
     assert!(begin > from);
-    // over whole seconds the oscillation averages out, and the chamber takes what its pressure changed by
+    // over whole seconds the oscillation averages out, and the chamber stores the volume of its pressure
+    // change
     let edge = crane.circuit.supply_to_a.coefficient(valve.travel(LIFTING.command));
     let delivered = 2.0 * edge * valve.compensated_drop.sqrt();
     let compressed = (p_end - p_begin) * 2.5e-3 / 0.5e9;
@@ -143,7 +145,7 @@ fn air_shut_in_on_the_rod_side_follows_its_gas_law() {
     let (crane, mut state) = lift(&shut, 0.1);
     let c = &crane.circuit;
     let scheme = Implicit::new(&crane);
-    // what is not air is oil, of which nothing comes or goes
+    // the volume that is not air is a constant amount of oil
     let air = |p: f64| {
         let share = c.air.atmosphere / (p + c.air.atmosphere);
         c.air.rod_side * share.powf(1.0 / c.air.polytropic_exponent)
@@ -189,7 +191,7 @@ fn friction_holds_what_the_pressure_does_not() {
     let crane: Lift = description.valve_crane_over(n).unwrap();
     let mut start = description.valve_start_over(n, 0.2);
     let carrying = crane.at_rest(&start).unwrap().circuit.a;
-    // two bar too little: the bristles hold 1.6 kN, and nothing moves
+    // 2 bar too little: the bristles hold 1.6 kN, and nothing moves
     start.pressure_a = Some(carrying - 2e5);
     let begin = crane.at_rest(&start).unwrap();
     assert!((begin.circuit.a - (carrying - 2e5)).abs() < 1.0);
@@ -199,7 +201,7 @@ fn friction_holds_what_the_pressure_does_not() {
         state = scheme.settled(&crane, &state, &CLOSED, 1e-3).unwrap();
     }
     assert!((stroke(&crane, &state) - 0.2).abs() < 2e-6, "{}", stroke(&crane, &state));
-    // fifty bar too little is more than friction holds: the pressure is what it cannot
+    // 50 bar too little exceeds the friction: the pressure is what friction cannot hold
     start.pressure_a = Some(carrying - 50e5);
     let short = crane.at_rest(&start).unwrap().circuit.a;
     let held = n.coulomb / crane.cylinder.piston_area;

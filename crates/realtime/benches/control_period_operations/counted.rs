@@ -1,9 +1,12 @@
-//! A number that counts what is done to it.
+//! Number type that counts its operations.
 //!
-//! Its values are those of `f64` to the last bit. Each operation of the trait counts as it is written: `min` is a comparison and a selection, `abs` a
-//! comparison, a selection and a negation, and an elementary function is one operation. Constants, copies and logic on conditions are not counted.
+//! Its values are bit-identical to `f64`. Each operation of the trait counts as it is written. `min` is a
+//! comparison and a selection; `abs` is a comparison, a selection and a negation; an elementary function is
+//! one operation. Constants, copies and logic on conditions are not counted.
 //!
-//! An interpolation counts as two reads and a multiply-add, which is what a processor needs that knows the place in the table. What `f64` does besides, to limit
+//! An interpolation counts as two reads and a multiply-add, the cost on a processor that has the table
+//! index. The further operations of `f64`, which limit the index and weight both entries, are counted
+//! separately.
 //! the place and to weight both entries, is kept apart.
 
 use hydroboom_math::Real;
@@ -26,7 +29,7 @@ pub enum Operation {
     Compare,
     Select,
     Negate,
-    /// Entry of a table that is interpolated.
+    /// Read of a table entry for an interpolation.
     Read,
 }
 
@@ -34,22 +37,22 @@ pub enum Operation {
 pub const KINDS: [&str; 11] =
     ["+ -", "*", "fma", "/", "sqrt", "tanh", "exp ln", "compare", "select", "negate", "read"];
 
-/// How many operations there were.
+/// Counts of operations.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Operations {
-    /// Of each kind.
+    /// Count of each kind.
     pub kinds: [u64; KINDS.len()],
-    /// What `f64` does in interpolations beside two reads and a multiply-add.
+    /// Operations of `f64` in interpolations other than two reads and a multiply-add.
     pub weighting: u64,
 }
 
 impl Operations {
-    /// Of every kind.
+    /// Sum over all kinds.
     pub fn sum(&self) -> u64 {
         self.kinds.iter().sum()
     }
 
-    /// Of one kind.
+    /// Count of one kind.
     pub fn of(&self, kind: Operation) -> u64 {
         self.kinds[kind as usize]
     }
@@ -92,19 +95,19 @@ fn so_far() -> Operations {
     }
 }
 
-/// What something yields, and the operations that it took.
+/// Result of `work`, and the operations that it took.
 pub fn operations<R>(work: impl FnOnce() -> R) -> (R, Operations) {
     let before = so_far();
     let result = work();
     (result, so_far() - before)
 }
 
-/// The number.
+/// Counted number.
 #[derive(Clone, Copy)]
 pub struct Counted(pub f64);
 
 impl fmt::Debug for Counted {
-    /// As `f64`, so that whole states can be compared.
+    /// Formatted as `f64`, so that whole states can be compared.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }
@@ -193,7 +196,7 @@ impl Real for Counted {
         (Self(sin), Self(cos))
     }
 
-    /// As `f64` does it, step by step.
+    /// The same steps as for `f64`.
     fn interpolate(table: &[Self], place: Self) -> Self {
         let before = so_far();
         let (zero, one) = (Self::zero(), Self::one());
@@ -207,7 +210,7 @@ impl Real for Counted {
             0 => sum,
             _ => entry(first + 1).mul_add(weight(first + 1), sum),
         };
-        // one of its multiply-adds is counted as such, all else apart
+        // one of the multiply-adds is counted as such, all other operations separately
         let all = (so_far() - before).sum();
         KINDS_SO_FAR.with(|kinds| kinds.iter().zip(before.kinds).for_each(|(k, n)| k.set(n)));
         for kind in [Operation::Read, Operation::Read, Operation::MultiplyAdd] {

@@ -1,10 +1,14 @@
-//! Operations of a control period under the scheduled LQR: `cargo bench -p hydroboom-realtime --bench control_period_operations`.
+//! Number of operations of a control period under the scheduled LQR.
+//! `cargo bench -p hydroboom-realtime --bench control_period_operations`
 //!
-//! Estimator, law and preview run with numbers that [count](counted) what is done to them, beside the same in `f64`, which commands a machine that is the reduced
-//! model itself. Values must agree to the last bit. There are two courses, one of 120 mm/s and one that is faster than the motor, so that the reference is limited in
-//! speed. At full speed a part of the payload is taken off, so that the law predicts alternatives (rollout).
+//! Estimator, control law and preview run with numbers that [count](counted) their operations, and in
+//! parallel with `f64`. The machine is the reduced model itself, commanded by the `f64` version. Both
+//! versions must be bit-identical. There are two courses, one at 120 mm/s and one faster than the motor, so
+//! that the reference governor limits its speed. At full speed a part of the payload is removed, so that
+//! the controller predicts alternatives (rollout).
 //!
-//! Each part is shown in the period of median and in that of largest sum, the weighting of interpolations included.
+//! For each part the table shows the period of median count and the one of largest count. The counts
+//! include the weighting of interpolations.
 
 mod counted;
 
@@ -20,17 +24,17 @@ use hydroboom_design::scheduled_lqr::{designed, known_delay};
 use std::error::Error;
 use std::fmt::Debug;
 
-/// The faster course, over the largest speed that the motor gives the piston.
+/// Speed of the faster course over the largest piston speed that the motor allows.
 const FASTER: f64 = 1.2;
-/// When the payload changes \[s\], and what it is of the first.
+/// Time of the payload change \[s\], and new payload over the first.
 const LOAD_CHANGE: f64 = 3.5;
 const PAYLOAD: f64 = 0.7;
-/// Pressure \[Pa\] that the piston side has beyond the load pressure.
+/// Piston-side pressure minus load pressure \[Pa\].
 const BEYOND: f64 = 1.5e5;
-/// Share of the way to its command that the motor goes in a period.
+/// Share of the distance to its command that the motor covers in a period.
 const DRIVE_SHARE: f64 = 0.15;
 
-/// The same with numbers that count.
+/// The same estimator with counting numbers.
 fn counting_estimator(estimator: &StateEstimator<f64>) -> StateEstimator<Counted> {
     StateEstimator {
         filter: estimator.filter.map(Counted),
@@ -93,13 +97,13 @@ fn measured(model: &ReducedModel<f64>, z: &MachineState<f64>, speed: f64) -> Est
     }
 }
 
-/// Operations of the parts in one period.
+/// Operations of each part in one period.
 struct Period {
     preview: Operations,
     filter: Operations,
     drive: Operations,
     prediction: Operations,
-    /// Without the prediction over the delays, which it asks for and which is shown apart.
+    /// Without the prediction over the delays, which is shown separately.
     law: Operations,
 }
 
@@ -172,29 +176,30 @@ fn course(
             law: with_prediction - prediction,
         });
     }
-    // everything that they carry, to the last bit
+    // all state variables, bit by bit
     assert_alike("estimator", &estimated, &estimated_counting);
     assert_alike("law", &state, &state_counting);
     assert_alike("preview", &preview, &preview_counting);
     periods
 }
 
-/// The text of a floating-point number is another for every value.
+/// Compares by the debug text, which differs for every value of a floating-point number.
 fn assert_alike(what: &str, plain: &impl Debug, counting: &impl Debug) {
     assert_eq!(format!("{plain:?}"), format!("{counting:?}"), "{what} at the end of the course");
 }
 
-/// What the law does in a period.
+/// Work of the control law in a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Work {
     Law,
-    /// The first period of a decision of the rollout.
+    /// First period of a rollout decision.
     SamplesReference,
-    /// Every other.
+    /// Every other period.
     PredictsAlternative,
 }
 
-/// Told by the functions: nothing but a prediction raises to a power, and inverse dynamics along the reference ahead take more hyperbolic tangents than the law's own.
+/// Classification by the functions called. Only a prediction evaluates a power, and inverse dynamics along
+/// the reference ahead evaluate more hyperbolic tangents than the law itself.
 fn work(law: &Operations, least: u64) -> Work {
     if law.of(Operation::Exponential) > 0 {
         Work::PredictsAlternative
@@ -205,7 +210,7 @@ fn work(law: &Operations, least: u64) -> Work {
     }
 }
 
-/// A row each for the period of median and of largest sum.
+/// Prints a row each for the period of median count and of largest count.
 fn print(name: &str, operations: impl Iterator<Item = Operations>) {
     let mut sorted: Vec<_> = operations.collect();
     sorted.sort_by_key(|o| o.sum() + o.weighting);
@@ -220,7 +225,7 @@ fn print(name: &str, operations: impl Iterator<Item = Operations>) {
     }
 }
 
-/// The table of a course.
+/// Prints the table of a course.
 fn table(periods: &[Period], speed: f64) {
     print!("{:32}{:>8} {:8}", format!("course of {:.0} mm/s", speed * 1e3), "periods", "");
     KINDS.iter().for_each(|kind| print!("{kind:>8}"));
