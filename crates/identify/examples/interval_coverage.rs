@@ -1,11 +1,13 @@
-//! How often the 95 % intervals of `tune` hold the truth, on logs of virtual cranes: the plant with its equipment, which has what the model
-//! leaves out.
+//! Coverage of the 95 % intervals of `tune` on logs of virtual cranes: the plant with its equipment, which
+//! contains effects that the model omits.
 //!
-//! Each draw is a crane of the widened family (oil, wear, air, friction, drive, beam, base, volumes, sensors, fieldbus) with a payload within 10 % of what the
-//! model's file has; its fast motion is logged, and the paper's crane, with friction that holds, is tuned to that as `hydroboom tune` does.
+//! Each draw is a crane of the widened family (oil, wear, air, friction, drive, beam, base, volumes,
+//! sensors, fieldbus). Its payload is within 10 % of the value in the model's file. Its fast motion is
+//! logged. The paper's crane, with friction that holds at rest, is tuned to the log as by `hydroboom tune`.
 //!
 //! ```sh
-//! cargo run --release -p hydroboom-identify --example interval_coverage -- 2031 0 100     # seed, first crane, the one after the last
+//! # seed, first crane, crane after the last
+//! cargo run --release -p hydroboom-identify --example interval_coverage -- 2031 0 100
 //! ```
 
 #[path = "../tests/made/draws.rs"]

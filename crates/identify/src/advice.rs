@@ -1,8 +1,8 @@
-//! Which experiment would tell what a log does not.
+//! Experiment design: the experiment that would determine a parameter that a log does not determine.
 
 use crate::free::Free;
 
-/// The experiment that would tell a key best.
+/// Description of the experiment that determines a key best.
 pub fn experiment_for(key: Free) -> &'static str {
     let path = key.path();
     let (section, name) = path.split_once('.').unwrap_or((&path, ""));

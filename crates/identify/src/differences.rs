@@ -1,4 +1,4 @@
-//! Model and log side by side, in numbers.
+//! Statistics of the differences between model and log.
 
 use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::explained::{Explained, explained};
@@ -8,73 +8,77 @@ use crate::ringing::{Ringing, ringing};
 use crate::whiteness::{Whiteness, whiteness};
 use hydroboom_measurement::Signal;
 
-/// How a signal of the log differs from the model's: log less model, in SI units.
+/// Difference of a signal, log minus model, in SI units.
 #[derive(Clone, Debug)]
 pub struct Difference {
-    /// The signal.
+    /// Compared signal.
     pub signal: Signal,
-    /// Samples that were compared.
+    /// Number of compared samples.
     pub count: usize,
-    /// Root of the mean square.
+    /// Root mean square.
     pub rms: f64,
-    /// The largest, with its sign.
+    /// Difference of largest magnitude, with its sign.
     pub peak: f64,
     /// Mean.
     pub bias: f64,
-    /// Correlation of log and model; none where one of them does not move.
+    /// Correlation of log and model; none if one of them is constant.
     pub correlation: Option<f64>,
-    /// 100 (1 − ‖log − model‖ / ‖log − its mean‖) \[%\]; none where the log does not move.
+    /// Fit 100 (1 − ‖log − model‖ / ‖log − mean of log‖) \[%\]; none if the log is constant.
     pub fit: Option<f64>,
-    /// How much later the log is than the model \[s\]: where their slopes agree best; none where nothing moves.
+    /// Delay of the log relative to the model, from the best agreement of their slopes \[s\]; none without
+    /// motion.
     pub delay: Option<f64>,
-    /// RMS once the log is moved by its delay: much less than before where a delay is what is wrong.
+    /// RMS after removal of the delay: much smaller if a delay is the cause.
     pub rms_without_delay: Option<f64>,
-    /// The delay over the first and the second half: a clock that drifts shows here \[s\].
+    /// Delay over the first and the second half \[s\], which shows a clock drift.
     pub delay_halves: Option<[f64; 2]>,
-    /// How much too fast the log's clock would have to run for its delay to grow as it does: seconds in a second.
+    /// Relative rate error of the log's clock that explains the growth of the delay \[s/s\].
     pub drift: Option<f64>,
-    /// RMS once the log is moved by what drift and delay come to: much less than before where a clock drifts.
+    /// RMS after removal of delay and clock drift: much smaller if a clock drift is the cause.
     pub rms_without_drift: Option<f64>,
-    /// How the log rings.
+    /// Decaying oscillation of the log.
     pub ringing: Option<Ringing>,
-    /// How the model rings.
+    /// Decaying oscillation of the model.
     pub model_ringing: Option<Ringing>,
-    /// Share of the difference's autocorrelations, up to a second, that are larger than white noise would have them:
-    /// 0.05 if nothing is left to be explained.
+    /// Share of the difference's autocorrelations, up to a lag of one second, that exceed the 95 % bound of
+    /// white noise: 0.05 for white residuals.
     pub coloured: f64,
-    /// Whether it is white by the portmanteau test of Ljung and Box at 5 %, over the same lags.
+    /// Whether the difference is white by the portmanteau test of Ljung and Box at 5 %, over the same lags.
     pub is_white: bool,
-    /// What it is made of: offset, drift, scale, delay.
+    /// Decomposition into offset, drift, scale and delay.
     pub parts: Option<Explained>,
-    /// From the log's smallest value to its largest.
+    /// Range of the log, maximum minus minimum.
     pub span: f64,
-    /// The log's largest size.
+    /// Largest magnitude in the log.
     pub largest: f64,
-    /// Standard deviation of the sensor's noise, as the log's own samples scatter.
+    /// Standard deviation of the sensor noise, estimated from the log's samples.
     pub noise: f64,
-    /// Where the log's samples are too far apart to judge the model by them.
+    /// Set if the log's sampling interval is too long to judge the model.
     pub unresolved: Option<Unresolved>,
 }
 
-/// Samples of a log that are too far apart for how the model oscillates: of the signal, or of what drives the model, whose course from sample to sample is not known.
+/// Sampling interval that is too long for the model's oscillation. It is that of the signal, or of the
+/// model's input, which is unknown between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unresolved {
-    /// From one sample to the next \[s\].
+    /// Sampling interval \[s\].
     pub interval: f64,
-    /// Frequency at which the model oscillates \[Hz\].
+    /// Frequency of the model's oscillation \[Hz\].
     pub frequency: f64,
 }
 
 impl Difference {
-    /// Whether most of it is gone once the log is moved by a delay that grows: a clock that drifts.
+    /// Whether removal of a growing delay, which is a clock drift, explains most of the difference.
     pub fn is_of_clock(&self) -> bool {
         let drifts = self.rms_without_drift.zip(self.rms_without_delay);
         drifts.is_some_and(|(drift, delay)| drift < LIMITS.most * self.rms.min(delay))
     }
 
-    /// Whether most of it is gone once the log is moved by its delay, and that is longer than steps and samples make it.
+    /// Whether removal of the delay explains most of the difference, and the delay exceeds the effect of
+    /// steps and sampling.
     ///
-    /// A piston that follows late, out and back alike, is a late sensor; one that lags is the crane's.
+    /// A position that is delayed equally in both directions indicates a delayed sensor; a lag belongs to
+    /// the crane.
     pub fn is_late(&self) -> bool {
         let moved = self.delay.zip(self.rms_without_delay);
         !self.is_of_clock()
@@ -84,15 +88,15 @@ impl Difference {
     }
 }
 
-/// All signals that were measured.
+/// Differences of all measured signals.
 pub type Differences = Vec<Difference>;
 
-/// Delays up to this are looked for \[s\].
+/// Largest delay of the search \[s\].
 const LONGEST_DELAY: f64 = 0.1;
-/// An oscillation is told by so many samples in a period, and more.
+/// Samples per period that an oscillation needs.
 const PER_PERIOD: f64 = 4.0;
 
-/// How log and model differ, for all signals of the crane that were measured.
+/// Differences between log and model for all measured signals of the crane.
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
     let interval = experiment.interval();
     let is_free = free(experiment, interval);
@@ -123,14 +127,15 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
     found.into_iter().map(|(_, difference)| difference).collect()
 }
 
-/// The fastest oscillation of several signals \[Hz\], of those whose fading is told where there are such.
+/// Highest frequency of the oscillations of several signals \[Hz\], preferably of those with an identified
+/// damping.
 fn oscillation_of(ringing: impl Iterator<Item = Ringing>) -> Option<f64> {
     let (told, others): (Vec<Ringing>, Vec<Ringing>) = ringing.partition(|r| r.damping.is_some());
     let of = if told.is_empty() { others } else { told };
     of.into_iter().map(|r| r.frequency).reduce(f64::max)
 }
 
-/// Whether nothing drives an oscillation at each sample.
+/// Whether the system oscillates freely, without excitation, at each sample.
 pub(crate) fn free(experiment: &Experiment, interval: f64) -> Vec<bool> {
     let driving: Vec<f64> = (0..experiment.samples.len()).map(|k| experiment.driving(k)).collect();
     let lag = (0.1 / interval).round().max(1.0) as usize;
@@ -179,7 +184,7 @@ fn difference(
         .map(|(first, second)| [first, second]);
     let drift = halves.map(|[first, second]| (second - first) / (half as f64 * interval));
     let moved = |shift: &dyn Fn(usize) -> f64| rms_moved(&log_in_time, &model_in_time, shift);
-    // the delay of the first half is that of its middle
+    // the delay of the first half applies at its middle
     let drifting = halves.zip(drift).map(|([first, _], drift)| {
         let from = first - 0.5 * half as f64 * interval * drift;
         moved(&|k| from / interval + drift * k as f64)
@@ -213,7 +218,8 @@ fn difference(
     }
 }
 
-/// Log and model from the first sample that was measured to the last one, in steps of time: none where nothing was measured.
+/// Log and model on a uniform time grid from the first to the last measured sample; none where nothing was
+/// measured.
 fn in_time(both: &[(usize, f64, f64)]) -> (Vec<Option<f64>>, Vec<Option<f64>>) {
     let (first, last) = (both.first().map_or(0, |b| b.0), both.last().map_or(0, |b| b.0));
     let (mut log, mut model) = (vec![None; last + 1 - first], vec![None; last + 1 - first]);
@@ -223,10 +229,10 @@ fn in_time(both: &[(usize, f64, f64)]) -> (Vec<Option<f64>>, Vec<Option<f64>>) {
     (log, model)
 }
 
-/// How much later the log is than the model \[s\]: the shift at which their slopes differ least, between samples by
-/// a parabola. None where nothing moves, or the slopes have nothing in common.
+/// Delay of the log relative to the model \[s\]: the shift of smallest difference of the slopes,
+/// interpolated by a parabola. None without motion, or if the slopes are uncorrelated.
 fn delay(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<f64> {
-    // slopes over 50 ms: noise counts less
+    // slopes over 50 ms reduce the effect of noise
     let lag = (0.025 / interval).round().max(1.0) as usize;
     let slopes = |v: &[Option<f64>]| -> Vec<Option<f64>> {
         v.windows(2 * lag + 1).map(|w| Some(w[2 * lag]? - w[0]?)).collect()
@@ -237,7 +243,7 @@ fn delay(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<f6
         return None;
     }
     let middle = most..model.len() as i64 - most;
-    // beside a gap each shift has pairs of its own: their mean counts
+    // with gaps the number of pairs depends on the shift: the mean is minimised
     let mean = |of: &mut dyn Iterator<Item = f64>| {
         let (sum, count) = of.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
         (count > 0).then(|| sum / f64::from(count))
@@ -257,7 +263,7 @@ fn delay(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<f6
     Some((least as f64 - most as f64 + shift) * interval)
 }
 
-/// RMS of log less model with the log moved to earlier by so many samples, at each sample.
+/// RMS of log minus model after shifting the log to earlier times, by `shift` samples at each sample.
 fn rms_moved(log: &[Option<f64>], model: &[Option<f64>], shift: impl Fn(usize) -> f64) -> f64 {
     let squares = model.iter().enumerate().filter_map(|(k, model)| {
         let shift = shift(k);
@@ -289,7 +295,7 @@ mod tests {
         measured(|_| true, log, model)
     }
 
-    /// The same where only some samples were measured.
+    /// The same with some samples missing.
     fn measured(
         is_there: impl Fn(i32) -> bool,
         log: impl Fn(i32) -> f64,
@@ -333,7 +339,7 @@ mod tests {
     fn a_clock_that_drifts_shows_in_the_halves() {
         let drifting = compared(|k| course(k, 0.002 * f64::from(k) * 0.005), |k| course(k, 0.0));
         let [first, second] = drifting.delay_halves.unwrap();
-        // 2 ms a second over 15 s: 7.5 ms in the middle of the first half, 22.5 ms of the second
+        // 2 ms per second over 15 s: 7.5 ms in the middle of the first half, 22.5 ms in that of the second
         assert!((second - first - 0.015).abs() < 4e-3, "{first} s, then {second} s");
         assert!((drifting.drift.unwrap() / 2e-3 - 1.0).abs() < 0.25, "{:?}", drifting.drift);
         let left = drifting.rms_without_drift.unwrap();

@@ -1,4 +1,4 @@
-//! What a log says that drove the machine.
+//! Inputs of the machine from a log.
 
 use crate::error::IdentifyError;
 use crate::experiment::Times;
@@ -7,22 +7,22 @@ use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use hydroboom_model::{Input, ValveInput};
 
-/// A pump's speed is steady, and the oil rings freely, where it changes by less than this \[rev/s²\].
+/// Largest acceleration of a steady pump speed \[rev/s²\]; the oil then oscillates freely.
 const STEADY_SPEED: f64 = 2.0;
-/// A valve's command is steady where it changes by less than this share of the travel in a second.
+/// Largest rate of a steady valve command \[share of the travel per second\].
 const STEADY_TRAVEL: f64 = 0.02;
 
-/// The inputs of a model, one for each period.
+/// Inputs of a model, one per period.
 #[derive(Clone, Debug)]
 pub(crate) enum Drive {
-    /// Of a self-contained circuit.
+    /// Inputs of a self-contained circuit.
     Pump(Vec<Input<f64>>),
-    /// Of a valve-controlled circuit, and the command \[V\] of full travel less that of none.
+    /// Inputs of a valve-controlled circuit, and the command \[V\] of full travel minus that of none.
     Valve(Vec<ValveInput<f64>>, f64),
 }
 
 impl Drive {
-    /// The signal that drives the model.
+    /// Signal used as input of the model.
     pub(crate) fn signal(
         model: &Description,
         log: &Measurement,
@@ -43,7 +43,7 @@ impl Drive {
         Ok(Signal::MotorCommand)
     }
 
-    /// What a log says, period by period; the driving signal must be there.
+    /// Inputs from a log, period by period; the driving signal must be there.
     pub(crate) fn new(
         model: &Description,
         driving: Signal,
@@ -55,7 +55,7 @@ impl Drive {
         let Times { begin, period, count } = *times;
         let begins = || (0..count).map(|k| begin + k as f64 * period);
         let track = signals.get(driving);
-        // in the middle of its period; over a gap the last one holds, and that is said below
+        // value at mid-period; over a gap the last value is held, which a remark reports
         let of = |signal: Signal, time: f64| {
             let track = signals.get(signal)?;
             track.at(time + 0.5 * period).or_else(|| track.held(time))
@@ -95,7 +95,7 @@ impl Drive {
                         ));
                     }
                 }
-                // of full travel, as the crane's file has it in volts
+                // a share of full travel is converted to volts by the crane file's range
                 let volts = |value: f64| match track.is_some_and(Track::is_share) {
                     true => n.spool_neutral + value * (n.spool_full - n.spool_neutral),
                     false => value,
@@ -116,7 +116,7 @@ impl Drive {
         }
     }
 
-    /// The same with one input for so many periods, their mean; what is left at the end holds for no whole one and is left out.
+    /// The same with inputs averaged over `periods` periods. An incomplete rest at the end is dropped.
     pub(crate) fn merged(&self, periods: usize) -> Self {
         let share = 1.0 / periods as f64;
         match self {
@@ -138,8 +138,8 @@ impl Drive {
         }
     }
 
-    /// The same with one input taken so many periods later: what drove the machine where the log has that input late. At the ends
-    /// the first or the last one holds.
+    /// The same with one input advanced by `periods` periods: the true input if the log's is delayed. At
+    /// the ends the first or last value is held.
     pub(crate) fn later(&self, signal: Signal, periods: f64) -> Self {
         let last = self.len().saturating_sub(1);
         let at = |k: usize| (k as f64 + periods).clamp(0.0, last as f64);
@@ -150,7 +150,7 @@ impl Drive {
         match self {
             Self::Pump(inputs) => {
                 let moved = |k: usize| match signal {
-                    // a valve is open or shut, and nothing between
+                    // a valve is open or shut: no interpolation
                     Signal::HoldingValve => {
                         let holding_valve = inputs[at(k).round() as usize].holding_valve;
                         Input { holding_valve, ..inputs[k] }
@@ -174,7 +174,7 @@ impl Drive {
         }
     }
 
-    /// Whether the load-holding valve opens or shuts.
+    /// Whether the load-holding valve opens or closes.
     pub(crate) fn is_switched(&self) -> bool {
         match self {
             Self::Pump(inputs) => {
@@ -184,7 +184,7 @@ impl Drive {
         }
     }
 
-    /// How many periods there are.
+    /// Number of periods.
     pub(crate) fn len(&self) -> usize {
         match self {
             Self::Pump(inputs) => inputs.len(),
@@ -192,7 +192,7 @@ impl Drive {
         }
     }
 
-    /// What drives the model in a period, in units that a steady input changes by less than one of in a second.
+    /// Input of a period, scaled so that a steady input changes by less than one per second.
     pub(crate) fn driving(&self, period: usize) -> f64 {
         match self {
             Self::Pump(inputs) => inputs[period].pump_speed / STEADY_SPEED,

@@ -1,4 +1,4 @@
-//! A log, made ready to drive a model.
+//! Experiment: a log prepared as the input of a model and as data for the comparison.
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
@@ -11,97 +11,99 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 
-/// Signals that model and log are compared in, in this order: those of the crane, and the motor speed that the drive makes of its command.
+/// Compared signals in this order: those of the crane, and the motor speed as the drive's response to its
+/// command.
 pub const COMPARED: [Signal; CRANE + 1] = {
     let [stroke, pump_a, a, b, pump_b, accumulator] = Signal::COMPARED;
     [stroke, pump_a, a, b, pump_b, accumulator, Signal::MotorSpeed]
 };
-/// The first ones are the crane's.
+/// Number of the crane's signals, which come first.
 pub(crate) const CRANE: usize = Signal::COMPARED.len();
 
-/// The part of a log that is used \[s\].
+/// Part of a log that is used \[s\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Window {
-    /// From here; from the beginning where none.
+    /// Start; the log's beginning if none.
     pub from: Option<f64>,
-    /// To here; to the end where none.
+    /// End; the log's end if none.
     pub to: Option<f64>,
 }
 
-/// What was measured at a time, in SI units.
+/// Measured signals at one time in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Time since the experiment began \[s\].
+    /// Time since the start of the experiment \[s\].
     pub time: f64,
-    /// The compared signals; none where nothing was measured.
+    /// Compared signals; none if not measured.
     pub values: [Option<f64>; COMPARED.len()],
 }
 
-/// Inputs, and samples to compare with.
+/// Inputs of the model, and samples for the comparison.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     /// Name of the log.
     pub name: String,
-    /// Time of the log at which it begins \[s\].
+    /// Log time of its start \[s\].
     pub begin: f64,
-    /// What drives the model.
+    /// Inputs of the model.
     pub(crate) drive: Drive,
-    /// The signal of the log that this is: motor speed or its command, valve command.
+    /// Driving signal of the log: motor speed or its command, or valve command.
     pub driving: Signal,
-    /// What the motor was asked for, where the log has that beside its speed and the model has a drive.
+    /// Command of the motor, if the log contains it beside the speed and the model has a drive.
     pub(crate) asked: Option<Asked>,
     /// Control period \[s\].
     pub(crate) period: f64,
-    /// Control periods from sample to sample.
+    /// Control periods per sample.
     pub(crate) every: usize,
-    /// Control periods that the model is driven by the mean of: one, or all from sample to sample.
+    /// Number of control periods over which the input is averaged: one, or all of a sample.
     pub(crate) merged: usize,
-    /// Steps that the model takes in that time.
+    /// Integration steps in that time.
     pub(crate) steps: u32,
-    /// What was measured.
+    /// Measured samples.
     pub samples: Vec<Sample>,
-    /// Time constants of the filters that the signals went through \[s\].
+    /// Time constants of the signals' filters \[s\].
     pub(crate) filters: [f64; COMPARED.len()],
-    /// What the model starts from, as far as it was measured.
+    /// Measured initial values.
     pub(crate) beginning: [Option<f64>; STARTS],
-    /// From one of the log's samples to the next, of each compared signal and then of what drives the model; zero where that is held throughout \[s\].
+    /// Sampling interval of the log for each compared signal, then for the driving signal; zero for an
+    /// input that is constant throughout \[s\].
     pub(crate) apart: ([f64; COMPARED.len()], f64),
-    /// Standard deviations of the compared signals' noise, in SI units; zero of those that were not measured.
+    /// Standard deviations of the compared signals' noise in SI units; zero if not measured.
     pub(crate) noise: [f64; COMPARED.len()],
-    /// What is to be said of it.
+    /// Remarks on the log.
     pub remarks: Vec<String>,
 }
 
-/// When the inputs of a model change.
+/// Time grid of a model's inputs.
 pub(crate) struct Times {
-    /// Time of the log at which they begin \[s\].
+    /// Log time of its start \[s\].
     pub(crate) begin: f64,
-    /// How long each of them holds \[s\].
+    /// Duration of each input \[s\].
     pub(crate) period: f64,
-    /// How many there are.
+    /// Number of inputs.
     pub(crate) count: usize,
 }
 
-/// Where a crane's file has no control period, an input holds for so long \[s\].
+/// Input period for a crane file without a control period \[s\].
 const HELD: f64 = 1e-3;
-/// Model and log are compared every so often \[s\]: a hundred times in a period of the boom's first mode and
-/// thirty times in one of its second.
+/// Interval of the comparison \[s\]: a period of the boom's first mode has about a hundred samples, one of
+/// the second about thirty.
 const INTERVAL: f64 = 5e-3;
-/// What is there at the beginning is found from this time \[s\].
+/// Time over which the initial values are determined \[s\].
 const BEGINNING: f64 = 0.05;
-/// Faster than this nothing rests \[m/s\].
+/// Velocity below which the crane is at rest \[m/s\].
 const REST: f64 = 2e-3;
-/// Segments that are named as left out, at most.
+/// Largest number of omitted segments in a remark.
 const MOST_TOLD: usize = 5;
-/// The beginning is at rest if it is for so long \[s\].
+/// Initial time at rest that counts as a start at rest \[s\].
 const RESTING: f64 = 0.3;
 
 impl Experiment {
-    /// A log's signals within a window, for a model.
+    /// Experiment from a log's signals within a window, for a model.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] when position or what drives the model are missing, or nothing is left of them.
+    /// [`IdentifyError`] if the position or the driving signal is missing, or nothing of them is left.
     pub fn new(
         model: &Description,
         log: &Measurement,
@@ -142,7 +144,7 @@ impl Experiment {
             let count = ((end - begin) / period).floor();
             Times { begin, period, count: count.clamp(0.0, 1e8) as usize }
         };
-        // an oscillation begins where the boom is let go, and rests at what it ends at
+        // an oscillation test begins at the release of the boom, and its equilibrium is the final value
         let mut said = Vec::new();
         let whole = Drive::new(model, driving, signals, &times(begin), &mut said);
         let release = match is_held(&whole) {
@@ -225,12 +227,12 @@ impl Experiment {
         })
     }
 
-    /// A log's signals within a window, once for each segment: a clock that was set and samples that are missing are not simulated, the model
-    /// begins anew after them.
+    /// Experiments from a log's signals within a window, one per segment. Clock jumps and gaps are not
+    /// simulated: the model starts again after them.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] when position or what drives the model are missing, or no segment is long enough.
+    /// [`IdentifyError`] if the position or the driving signal is missing, or no segment is long enough.
     pub fn each(
         model: &Description,
         log: &Measurement,
@@ -262,7 +264,7 @@ impl Experiment {
                     );
                     found.push(experiment);
                 }
-                // too short, or without a position at its beginning
+                // too short, or without an initial position
                 Err(reason) => {
                     left_out.push(format!("{from:.3} to {to:.3} s"));
                     error = Some(reason);
@@ -285,22 +287,24 @@ impl Experiment {
         Ok(found)
     }
 
-    /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is of that.
+    /// The same with steps of a control period: accurate enough to find the optimum, but not for its
+    /// uncertainty.
     pub(crate) fn coarse(&self) -> Self {
         Self { steps: 1, ..self.clone() }
     }
 
-    /// The same with one input for each sample, and steps of half the way to the next: good enough for slopes that only widen an interval.
+    /// The same with one input per sample and two steps in it: accurate enough for derivatives that only
+    /// widen an interval.
     pub(crate) fn rough(&self) -> Self {
         Self { merged: self.every, steps: 2, ..self.clone() }
     }
 
-    /// The same in steps of half the length: what they change says what the model's steps are wrong by.
+    /// The same with steps of half the length, whose effect measures the integration error.
     pub(crate) fn fine(&self) -> Self {
         Self { steps: 2 * self.steps, ..self.clone() }
     }
 
-    /// The same log where a signal has no such fault: samples, what the model begins with, and what drives it.
+    /// The log corrected for a fault of a signal: samples, initial values and inputs.
     pub(crate) fn corrected(&self, signal: Signal, fault: Fault) -> Self {
         let mut other = self.clone();
         if let Some(place) = COMPARED.iter().position(|s| *s == signal) {
@@ -337,18 +341,20 @@ impl Experiment {
         self.drive.len() as f64 * self.period
     }
 
-    /// Interval from sample to sample \[s\].
+    /// Sampling interval \[s\].
     pub fn interval(&self) -> f64 {
         self.every as f64 * self.period
     }
 
-    /// Standard deviation of a compared signal's noise, in SI units, as the log's own samples scatter; none where it was not measured.
+    /// Standard deviation of a compared signal's noise in SI units, estimated from the log's samples; none
+    /// if it was not measured.
     pub fn noise(&self, signal: Signal) -> Option<f64> {
         let place = COMPARED.iter().position(|s| *s == signal)?;
         self.is_measured(signal).then_some(self.noise[place])
     }
 
-    /// What the model begins with of a compared signal \[SI\]; none where it was not measured, or carries the load.
+    /// Initial value of a compared signal \[SI\]; none if it was not measured, or is the pressure that
+    /// carries the load.
     pub fn begun(&self, signal: Signal) -> Option<f64> {
         let channels = self.start_channels();
         let of = |channel: &Option<usize>| channel.is_some_and(|k| COMPARED[k] == signal);
@@ -361,7 +367,7 @@ impl Experiment {
         place.is_some_and(|k| self.samples.iter().any(|s| s.values[k].is_some()))
     }
 
-    /// Which compared signal each start was read from, by its place.
+    /// Index of the compared signal from which each initial value was taken.
     pub(crate) fn start_channels(&self) -> [Option<usize>; STARTS] {
         match self.drive {
             Drive::Pump(_) => [Some(0), Some(1), Some(3), Some(4), Some(5), None],
@@ -369,13 +375,13 @@ impl Experiment {
         }
     }
 
-    /// What drives the model at a sample, in units that a steady input changes by less than one of in a second.
+    /// Input at a sample, scaled so that a steady input changes by less than one per second.
     pub(crate) fn driving(&self, sample: usize) -> f64 {
         self.drive.driving((sample * self.every).min(self.drive.len() - 1))
     }
 }
 
-/// A course at a place between its samples, on the straight line; none where one of them is missing, and beyond its ends.
+/// Linear interpolation at a fractional index; none next to a missing sample, and beyond the ends.
 fn between(values: &[Option<f64>], at: f64) -> Option<f64> {
     let before = at.floor();
     let share = at - before;
@@ -387,8 +393,8 @@ fn between(values: &[Option<f64>], at: f64) -> Option<f64> {
     Some(first + share * (sample(before + 1.0)? - first))
 }
 
-/// A signal at the beginning: on the straight line through its first samples, because a pump side leaks by bars in a second
-/// while its sensor scatters.
+/// Initial value of a signal by linear regression over its first samples, because a pump side leaks by bars
+/// per second and its sensor is noisy.
 fn at_beginning(track: &Track, begin: f64) -> Option<f64> {
     let there = track.time().iter().zip(track.values());
     let there: Vec<(f64, f64)> = there

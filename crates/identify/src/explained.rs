@@ -1,33 +1,34 @@
-//! What a difference is made of: offset, drift, scale and delay, told apart by regression.
+//! Decomposition of a difference by regression: offset, drift, scale and delay.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Parts of a difference, log less model, found together by least squares.
+/// Components of a difference, log minus model, by linear least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Explained {
     /// Offset in the middle of the log \[SI\].
     pub offset: Part,
-    /// What it grows by in a second \[SI/s\].
+    /// Growth of the offset per second \[SI/s\].
     pub drift: Part,
-    /// Share by which the log swings more than the model.
+    /// Relative scale error: share by which the log's amplitude exceeds the model's.
     pub scale: Part,
-    /// How much later the log is \[s\], to first order.
+    /// Delay of the log \[s\], to first order.
     pub delay: Part,
 }
 
-/// One part of a difference.
+/// Component of a difference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
-    /// Its size.
+    /// Value.
     pub value: f64,
-    /// Share of the difference's power that is left without it and not with it, the other parts being there: what only it explains.
+    /// Share of the difference's power explained by this component only, given the others.
     pub share: f64,
 }
 
-/// The parts of a log less a model, samples `interval` apart \[s\], none where nothing was measured; none where there are too few samples.
+/// Decomposition of log minus model, sampled at `interval` \[s\] with none for missing samples; none if
+/// there are too few samples.
 pub fn explained(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<Explained> {
     let at = |k: usize| model.get(k).copied().flatten();
-    // between neighbours, or to the one that there is beside a gap
+    // central difference, or one-sided beside a gap
     let slope = |k: usize, own: f64| {
         let (before, after) = (k.checked_sub(1).and_then(at), at(k + 1));
         let steps = u8::from(before.is_some()) + u8::from(after.is_some());
@@ -62,7 +63,7 @@ pub fn explained(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> O
         let columns = along.select_columns(parts);
         let sizes: Vec<f64> = columns.column_iter().map(|c| c.norm().max(1e-300)).collect();
         let scaled = DMatrix::from_fn(count, parts.len(), |k, j| columns[(k, j)] / sizes[j]);
-        // a part that does not move, or goes with another, counts as none
+        // pseudo-inverse: a constant or collinear regressor gets no weight
         let normal = scaled.tr_mul(&scaled);
         let inverse = normal.svd(true, true).pseudo_inverse(1e-6).ok()?;
         let found = inverse * scaled.tr_mul(&errors);
@@ -84,7 +85,7 @@ mod tests {
 
     const INTERVAL: f64 = 5e-3;
 
-    /// Ten seconds of a model that moves slowly and rings.
+    /// Ten seconds of a model with a slow motion and an oscillation.
     fn model(time: f64) -> f64 {
         70.0 + 4.0 * (0.9 * time).sin() + (14.0 * time).sin()
     }
@@ -93,13 +94,13 @@ mod tests {
         explained(&course(log, |_| true), &course(model, |_| true), INTERVAL).unwrap()
     }
 
-    /// Samples of ten seconds; none where nothing was measured.
+    /// Samples over ten seconds; none where nothing was measured.
     fn course(of: impl Fn(f64) -> f64, is_there: impl Fn(f64) -> bool) -> Vec<Option<f64>> {
         let times = (0..2000).map(|k| f64::from(k) * INTERVAL);
         times.map(|t| Some(of(t)).filter(|_| is_there(t))).collect()
     }
 
-    /// The one part that explains a difference, where the others explain nothing of it.
+    /// The only component that explains a difference; the others must explain nothing.
     fn only(found: Explained, which: usize) -> f64 {
         let all = [found.offset, found.drift, found.scale, found.delay];
         for (k, part) in all.iter().enumerate() {
@@ -117,7 +118,7 @@ mod tests {
         assert!((only(parts(|t| model(t - 4e-3)), 3) - 4e-3).abs() < 2e-4);
     }
 
-    /// What is missing is as long as it lasted: a drift is of time, and no slope goes over a gap.
+    /// A gap keeps its duration: the drift is per unit of time, and no slope is taken across the gap.
     #[test]
     fn a_gap_changes_none_of_them() {
         let is_there = |t: f64| !(2.0..7.0).contains(&t);
@@ -130,7 +131,7 @@ mod tests {
         let near = |a: f64, b: f64, share: f64| assert!((a - b).abs() < share * b, "{found:?}");
         near(found.drift.value, 0.2, 0.01);
         near(found.scale.value, 0.05, 0.03);
-        // to first order: the oscillation turns by 0.04 in the delay
+        // first-order approximation: the oscillation's phase changes by 0.04 rad in the delay
         near(found.delay.value, 3e-3, 0.08);
     }
 

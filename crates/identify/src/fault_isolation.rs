@@ -1,10 +1,12 @@
-//! Which signal of a log is read wrong, where that explains how log and model differ.
+//! Isolation of sensor faults: the signal of a log whose fault explains the difference between log and
+//! model.
 //!
-//! Each hypothesis is one fault of one signal: offset or scale of a compared one, delay of an input. The log is corrected by
-//! it, and so are the pressures that the model begins with; then the model runs again. The size of an offset or a scale is
-//! that of weighted least squares over all signals together, with the slopes along the beginning. Of all hypotheses the one
-//! that leaves least is taken, and the next one beside it (Isermann, *Fault-Diagnosis Systems*, 2006; forward selection:
-//! Draper and Smith, *Applied Regression Analysis*, 3rd ed. 1998, chapter 15).
+//! Each hypothesis is one fault of one signal: offset or scale of a compared signal, or delay of an input.
+//! The log is corrected for it, and so are the initial pressures of the model. Then the model is run again.
+//! The size of an offset or a scale follows from weighted least squares over all signals, including the
+//! effect of the initial values. The hypothesis with the smallest remaining difference is accepted, then
+//! the next one is searched (Isermann, *Fault-Diagnosis Systems*, 2006; forward selection: Draper and
+//! Smith, *Applied Regression Analysis*, 3rd ed. 1998, chapter 15).
 
 use crate::differences::{Difference, Differences, differences};
 use crate::error::IdentifyError;
@@ -16,71 +18,75 @@ use hydroboom_description::Description;
 use hydroboom_measurement::Signal;
 use rayon::prelude::*;
 
-/// What may be wrong with a signal.
+/// Fault of a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// It reads more by this \[SI\]; of no position, for the model begins where the log does.
+    /// Offset \[SI\]; not for a position, because the model starts at the log's position.
     Offset(f64),
-    /// It reads so many times what is there: of a position about where its log begins, where the model begins too; of a
-    /// pressure about zero.
+    /// Scale factor: of a position about its initial value, where the model starts too; of a pressure about
+    /// zero.
     Scale(f64),
-    /// It comes later by this \[s\]; of an input, beside all compared signals.
+    /// Delay \[s\]; for an input, relative to all compared signals.
     Delay(f64),
 }
 
-/// A fault of one signal that would explain most of some differences.
+/// Fault of one signal that explains most of some differences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalFault {
     /// The signal.
     pub signal: Signal,
-    /// What may be wrong.
+    /// Fault.
     pub fault: Fault,
-    /// RMS difference of the signal that would be left without it \[SI\]; of an input none.
+    /// Remaining RMS difference of the signal after correction \[SI\]; none for an input.
     pub left: Option<f64>,
-    /// A sensor of nearly the same pressure that shows nothing of it: then it is no matter of the crane.
+    /// Sensor of nearly the same pressure that does not show the fault, which excludes the crane as its
+    /// cause.
     pub against: Option<Signal>,
-    /// Compared signals of whose difference it explains most: beyond their limits, or late as an input makes them.
+    /// Compared signals whose difference it mostly explains: those beyond their limits, or delayed as by an
+    /// input.
     pub explains: Vec<Signal>,
 }
 
 impl SignalFault {
-    /// Whether the log tells it from an error of the crane's numbers.
+    /// Whether the log distinguishes the fault from an error of the crane's parameters.
     pub fn is_told(&self) -> bool {
         self.against.is_some() || matches!(self.fault, Fault::Delay(_))
     }
 }
 
-/// A log beside a model, as it was read and without the faults of its signals.
+/// Comparison of a log with a model, as measured and corrected for sensor faults.
 #[derive(Clone, Debug)]
 pub struct Isolated {
-    /// What the model shows beside the log as it was read.
+    /// Prediction of the model for the log as measured.
     pub prediction: Prediction,
-    /// How they differ.
+    /// Differences to that log.
     pub found: Differences,
     /// Faults of signals, the one that explains most first.
     pub faults: Vec<SignalFault>,
-    /// The log without those faults that it tells from errors of the crane's numbers.
+    /// Log corrected for the faults that are distinguishable from errors of the crane's parameters.
     pub mended: Experiment,
-    /// How the model differs from that.
+    /// Differences of the model to the corrected log.
     pub left: Differences,
 }
 
-/// So many faults are looked for.
+/// Largest number of faults.
 const MOST: usize = 3;
-/// So many offsets and scales are tried by running the model, of those that are best by straight lines.
+/// Number of offset and scale hypotheses that are tested by a model run, the best ones of the linear
+/// ranking.
 const TRIED: usize = 3;
-/// A difference that becomes larger by more than this factor speaks against a fault.
+/// Increase of another difference by more than this factor rejects a fault.
 const HARMED: f64 = 1.1;
-/// The inputs of an experiment are moved by this to see what a delay does \[s\].
+/// Shift of the inputs for the derivative with respect to a delay \[s\].
 const NUDGE: f64 = 10e-3;
-/// Longest delay of an input \[s\].
+/// Largest delay of an input \[s\].
 const LONGEST: f64 = 0.2;
 
-/// Finds faults of a log's signals. What two sensors of nearly the same pressure show alike is the crane's, and none of them.
+/// Isolates faults of a log's signals. A difference that two sensors of nearly the same pressure share is
+/// attributed to the crane.
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] when the model cannot be run.
+/// [`IdentifyError`] if the model cannot be run.
 pub fn isolate(model: &Description, experiment: &Experiment) -> Result<Isolated, IdentifyError> {
     let read = Compared::new(model, experiment.clone())?;
     let (prediction, found) = (read.prediction.clone(), read.found.clone());
@@ -96,7 +102,7 @@ pub fn isolate(model: &Description, experiment: &Experiment) -> Result<Isolated,
     Ok(Isolated { prediction, found, faults, mended: now.experiment, left: now.found })
 }
 
-/// An experiment beside the model.
+/// Experiment with the model's prediction.
 struct Compared {
     experiment: Experiment,
     prediction: Prediction,
@@ -110,7 +116,7 @@ impl Compared {
         Ok(Self { experiment, prediction, found })
     }
 
-    /// The same without a fault; none where the model cannot be run so.
+    /// The same without a fault; none if the model cannot be run.
     fn without(&self, model: &Description, signal: Signal, fault: Fault) -> Option<Self> {
         Self::new(model, self.experiment.corrected(signal, fault)).ok()
     }
@@ -119,18 +125,18 @@ impl Compared {
         self.found.iter().find(|d| d.signal == signal)
     }
 
-    /// Differences that are judged, in size over their limits.
+    /// RMS of the judged differences over their limits.
     fn sizes(&self) -> impl Iterator<Item = (Signal, f64)> {
         let told = self.found.iter().filter(|d| d.unresolved.is_none());
         told.map(|d| (d.signal, d.rms / of_size(d).limit))
     }
 
-    /// Sum over them of ln(1 + square)/2, as keys are judged by.
+    /// Sum of ln(1 + square)/2 over them, the objective also used for keys.
     fn sum(&self) -> f64 {
         self.sizes().map(|(_, over)| 0.5 * (1.0 + over * over).ln()).sum()
     }
 
-    /// That sum with a direction taken away, as far as least squares has it, to first order.
+    /// That sum after removal of a direction by least squares, to first order.
     fn sum_along(&self, direction: &Prediction) -> Option<f64> {
         let step = self.along(direction)?;
         let rms = |place: usize| {
@@ -146,14 +152,15 @@ impl Compared {
         Some(over.map(|over| 0.5 * (1.0 + over * over).ln()).sum())
     }
 
-    /// Log and model of a signal.
+    /// Pairs of log and model values of a signal.
     fn pairs(&self, signal: Signal) -> Vec<(f64, f64)> {
         let place = place(signal);
         let both = self.experiment.samples.iter().zip(&self.prediction);
         both.filter_map(|(sample, model)| Some((sample.values[place?]?, model[place?]))).collect()
     }
 
-    /// By how much a direction is in the differences: least squares, each signal in units of its limit and what it differs by.
+    /// Component of the differences along a direction by least squares, each signal scaled by its limit and
+    /// its difference.
     fn along(&self, direction: &Prediction) -> Option<f64> {
         let (mut both, mut square) = (0.0, 0.0);
         for d in self.found.iter().filter(|d| d.unresolved.is_none()) {
@@ -175,7 +182,7 @@ fn place(signal: Signal) -> Option<usize> {
     COMPARED.iter().position(|other| *other == signal)
 }
 
-/// The fault that leaves least, and the log without it; none where no fault explains enough.
+/// Fault with the smallest remaining difference, and the corrected log; none if no fault explains enough.
 fn best(
     model: &Description,
     now: &Compared,
@@ -196,15 +203,15 @@ fn best(
     Ok(all.into_iter().min_by(|a, b| a.1.sum().total_cmp(&b.1.sum())))
 }
 
-/// An offset or a scale of a compared signal.
+/// Hypothesis: offset or scale of a compared signal.
 struct Hypothesis {
     signal: Signal,
     is_scale: bool,
-    /// How the differences change with it, to first order.
+    /// Derivative of the differences with respect to it.
     direction: Prediction,
 }
 
-/// Those that explain most by straight lines, without a run of the model for each.
+/// Best hypotheses by linear ranking, without a model run for each.
 fn hypotheses(
     model: &Description,
     now: &Compared,
@@ -229,7 +236,7 @@ fn hypotheses(
         let first = now.prediction.first().map_or(0.0, |row| row[own]);
         let mut add = |is_scale, direction| all.push(Hypothesis { signal, is_scale, direction });
         match signal {
-            // the model begins where the log's piston is: an offset of its sensor moves both
+            // the model starts at the log's position: an offset of its sensor shifts both
             Signal::Stroke => add(true, direction(now, own, None, |shown| shown - first, 0.0)),
             _ => {
                 add(false, direction(now, own, slope, |_| 1.0, 1.0));
@@ -245,7 +252,7 @@ fn hypotheses(
 }
 
 impl Hypothesis {
-    /// Its fault, found in two steps, where it explains enough.
+    /// The fault after two iterations, if it explains enough.
     fn tried(&self, model: &Description, now: &Compared) -> Option<(SignalFault, Compared)> {
         let signal = self.signal;
         let next = |fault: Fault| now.without(model, signal, fault)?.along(&self.direction);
@@ -276,7 +283,8 @@ impl Hypothesis {
     }
 }
 
-/// How the differences change along a fault: what the signal itself shows, less what the model does that begins with it.
+/// Derivative of the differences with respect to a fault: the signal's own change minus the model's change
+/// due to its initial value.
 fn direction(
     now: &Compared,
     own: usize,
@@ -292,7 +300,7 @@ fn direction(
     now.prediction.iter().enumerate().map(row).collect()
 }
 
-/// What drives the model comes late or early beside all that is compared: one cause in place of a delay of each.
+/// Input delayed or advanced relative to all compared signals: one cause instead of a delay of each.
 fn with_late_input(model: &Description, now: &Compared) -> Option<(SignalFault, Compared)> {
     let signal = now.experiment.driving;
     let late: Vec<Signal> = now.found.iter().filter(|d| d.is_late()).map(|d| d.signal).collect();
@@ -310,7 +318,7 @@ fn with_late_input(model: &Description, now: &Compared) -> Option<(SignalFault, 
     with_delay(model, now, signal, delay)
 }
 
-/// A load-holding valve that opens and shuts later, or earlier, than the log says.
+/// Load-holding valve that opens and closes later or earlier than logged.
 fn with_late_valve(model: &Description, now: &Compared) -> Option<(SignalFault, Compared)> {
     let signal = Signal::HoldingValve;
     if !now.experiment.drive.is_switched() {
@@ -340,8 +348,8 @@ fn with_delay(
     accepted(now, now.without(model, signal, fault)?, signal, fault)
 }
 
-/// Whether a fault explains most of what differs: of its own signal, where that is beyond its limit, and else of two or more.
-/// No other signal may speak against it.
+/// Acceptance of a fault. It must explain most of the difference of its own signal, if that is beyond its
+/// limit, or else of two or more signals. It must not increase the difference of another signal.
 fn accepted(
     now: &Compared,
     then: Compared,
@@ -351,7 +359,7 @@ fn accepted(
     let (mut explains, mut is_harmed) = (Vec::new(), false);
     for (of, before) in now.sizes() {
         let Some((_, after)) = then.sizes().find(|(signal, _)| *signal == of) else { continue };
-        // several signals that come late alike are told within their limits, too
+        // several equally delayed signals count even within their limits
         let is_late =
             matches!(fault, Fault::Delay(_)) && now.difference(of).is_some_and(Difference::is_late);
         if (before > 1.0 || is_late) && after < LIMITS.most * before {
@@ -377,7 +385,8 @@ fn accepted(
     Some((SignalFault { signal, fault, left, against, explains }, then))
 }
 
-/// Sensors of nearly the same pressure, the nearest first: on the other side of an open valve, and what feeds the low side.
+/// Sensors of nearly the same pressure, the nearest first: on the other side of an open valve, and the
+/// supply of the low-pressure side.
 fn beside(signal: Signal) -> &'static [Signal] {
     match signal {
         Signal::PressureA => &[Signal::PressurePumpA],
@@ -389,7 +398,7 @@ fn beside(signal: Signal) -> &'static [Signal] {
     }
 }
 
-/// Whether a pressure beside it shows the same.
+/// Whether a redundant pressure sensor shows the same fault.
 fn shows(fault: Fault, pairs: &[(f64, f64)]) -> bool {
     let count = pairs.len().max(1) as f64;
     let share = match fault {

@@ -1,23 +1,22 @@
-//! Keys of a crane file that may be moved.
+//! Free parameters: keys of a crane file that a fit may change.
 
 use crate::error::IdentifyError;
 use hydroboom_description::schema::{Choices, KEYS, Key};
 use hydroboom_description::{Description, is_of_machine, suggestion};
 
-/// A key that may be moved, as ln θ: every number that is moved is positive, and people think of its
-/// changes in per cent.
+/// Free parameter, with ln θ as the variable: every such number is positive, and changes are relative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Free {
-    /// Place of the key among all.
+    /// Index of the key.
     pub place: usize,
 }
 
 impl Free {
-    /// A key by its path, `section.name`; the unit may be left out.
+    /// Free parameter by its path `section.name`; the unit may be omitted.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError::Key`] when there is none, with what may be meant.
+    /// [`IdentifyError::Key`] if there is none, with a suggestion.
     pub fn from_path(path: &str) -> Result<Self, IdentifyError> {
         let exact = KEYS.iter().position(|key| key.path() == path);
         let begun: Vec<usize> =
@@ -51,11 +50,12 @@ impl Free {
         }
     }
 
-    /// The same of a key that moves the model's response to what a log tells, as `tune` does.
+    /// The same for a key that affects the model's response in a log, as `tune` requires.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError::Key`] too for a key of what is around the model: its controllers, supervision, tests and equipment.
+    /// [`IdentifyError::Key`] also for a key that is not the machine's, as of controllers, supervision,
+    /// tests and equipment.
     pub fn of_model(path: &str) -> Result<Self, IdentifyError> {
         let free = Self::from_path(path)?;
         if free.is_of_model() {
@@ -68,12 +68,13 @@ impl Free {
         Err(IdentifyError::Key { key: free.path(), suggestion })
     }
 
-    /// Whether the model's response to what drives it may depend on it: that of the crane to the motor's speed, or of the motor's speed to its command.
+    /// Whether the model's response may depend on it: the crane's to the motor speed, or the motor's to its
+    /// command.
     fn is_of_model(self) -> bool {
         is_of_machine(KEYS[self.place].section) || self.is_of_drive()
     }
 
-    /// Keys that a log of position and pressures can be expected to tell something of.
+    /// Keys that a log of position and pressures usually determines.
     pub fn usual(model: &Description) -> Vec<Self> {
         const USUAL: [&str; 26] = [
             "boom.youngs_modulus_gpa",
@@ -109,11 +110,11 @@ impl Free {
         places.filter(|place| values[*place] > 0.0).map(|place| Self { place }).collect()
     }
 
-    /// Keys that a log tells something of, but which others stand in for: not moved unless asked for, and what is not known of them is open in
-    /// those that are.
+    /// Keys with an effect on a log that other keys can replace. They are fixed unless requested, and their
+    /// uncertainty widens the intervals of the free keys.
     pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
         const OTHERS: [&str; 9] = [
-            // E shows only as a product with it, and bends the boom as the base turns it
+            // only its product with E is observable, and E also replaces the flexibility of the base
             "boom.second_moment_cm4",
             "base.stiffness_knm_per_rad",
             "payload.x_mm",
@@ -130,17 +131,17 @@ impl Free {
         places.filter(|place| values[*place] > 0.0).map(|place| Self { place }).collect()
     }
 
-    /// Its path.
+    /// Path of the key.
     pub fn path(self) -> String {
         KEYS[self.place].path()
     }
 
-    /// Its value in a description, in SI units.
+    /// Value in a description, in SI units.
     pub fn value(self, model: &Description) -> f64 {
         model.numbers.to_array()[self.place]
     }
 
-    /// The smallest and largest value allowed, in SI units.
+    /// Smallest and largest allowed value, in SI units.
     pub fn bounds(self) -> (f64, f64) {
         let key = &KEYS[self.place];
         (key.to_si(key.low), key.to_si(key.high))

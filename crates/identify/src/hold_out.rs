@@ -1,49 +1,50 @@
-//! Stretches of a log that a search does not see, and how well the model does there: the guard against over-fitting.
+//! Hold-out validation: stretches of a log that are excluded from the fit, and the prediction error there.
 
 use crate::differences::{Difference, differences};
 use crate::experiment::{COMPARED, Experiment};
 use crate::prediction::Prediction;
 use hydroboom_measurement::Signal;
 
-/// A stretch of a log, in the log's own time \[s\].
+/// Stretch of a log in log time \[s\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// Its beginning.
+    /// Start.
     pub from: f64,
-    /// Its end.
+    /// End.
     pub to: f64,
 }
 
-/// How well a signal is foretold on a stretch: RMS differences in SI units.
+/// Prediction error of a signal on a stretch: RMS differences in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foretold {
-    /// The signal.
+    /// Signal.
     pub signal: Signal,
-    /// By the model.
+    /// Error of the model.
     pub model: f64,
-    /// By the straight line through half as long a stretch, at most, before it; none where nothing is before it.
+    /// Error of the regression line through at most half a stretch length before it; none if nothing
+    /// precedes it.
     pub line: Option<f64>,
-    /// By the last value before it, as an average over a tenth of the stretch.
+    /// Error of the last value before it, averaged over a tenth of its length.
     pub constant: Option<f64>,
-    /// By the straight line through the stretch itself, which only hindsight knows.
+    /// Error of the regression line through the stretch itself, which is not a prediction.
     pub hindsight: f64,
 }
 
-/// A model on a stretch that it was not tuned to.
+/// Model on a stretch that was excluded from its fit.
 #[derive(Clone, Debug)]
 pub struct HeldOut {
-    /// The log.
+    /// Name of the log.
     pub log: String,
-    /// The stretch.
+    /// Stretch.
     pub stretch: Stretch,
-    /// The signals that were measured there.
+    /// Signals measured there.
     pub signals: Vec<Foretold>,
-    /// How the whole log rings, and the model that did not see the stretch.
+    /// Oscillation of the whole log, and of the model fitted without the stretch.
     pub whole: Vec<Difference>,
 }
 
 impl Experiment {
-    /// The same without what was measured on some stretches: inputs and times stay.
+    /// Experiment with the measurements of some stretches removed; inputs and times are kept.
     pub fn without(&self, stretches: &[Stretch]) -> Self {
         let mut rest = self.clone();
         for sample in &mut rest.samples {
@@ -56,8 +57,8 @@ impl Experiment {
     }
 }
 
-/// How well a prediction does on a stretch of an experiment, which has to hold what was measured there; none where
-/// nothing was.
+/// Prediction error on a stretch of an experiment that still contains its measurements; none if nothing was
+/// measured there.
 pub fn held_out(
     experiment: &Experiment,
     prediction: &Prediction,
@@ -86,7 +87,8 @@ pub fn held_out(
             let part = seen.iter().filter(move |s| (from..stretch.from).contains(&s.0));
             line(part.map(|s| (s.0, s.1)))
         };
-        // half as long, so that an oscillation or a beginning further back does not turn it
+        // half as long, so that earlier oscillations or the initial transient have little effect on the
+        // line
         let earlier = before(0.5);
         let last = before(0.1).map(|l| l.at(stretch.from - 0.05 * length));
         let own = line(inside.iter().map(|s| (s.0, s.1)))?;
@@ -106,7 +108,7 @@ pub fn held_out(
     })
 }
 
-/// A straight line.
+/// Straight line.
 #[derive(Clone, Copy)]
 struct Line {
     time: f64,
@@ -120,7 +122,7 @@ impl Line {
     }
 }
 
-/// The line that fits best; none through fewer than three points.
+/// Regression line; none for fewer than three points.
 fn line(points: impl Iterator<Item = (f64, f64)>) -> Option<Line> {
     let points: Vec<(f64, f64)> = points.collect();
     if points.len() < 3 {

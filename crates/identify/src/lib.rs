@@ -1,4 +1,4 @@
-//! Is the model right, and how is it made so: a log beside the model driven by the same inputs.
+//! Validation and identification of a model: a log is compared with the model driven by the same inputs.
 //!
 //! ```text
 //! Signals -> Experiment (inputs, samples) -> prediction -> differences, ringing, whiteness

@@ -1,55 +1,66 @@
-//! All thresholds by which a model beside a log is judged, and what is said of it.
+//! Thresholds for judging a model by a log.
 
-/// Thresholds, each with its unit and where it comes from.
+/// Thresholds with unit and source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// RMS difference of the position over the way that the log's piston goes \[-\]. Half of what the paper's model leaves (Table 6: 4.4 mm of 400 mm).
+    /// RMS difference of the position over the piston's travel in the log \[-\]. Half of the difference of
+    /// the paper's model (Table 6: 4.4 mm of 400 mm).
     pub position: f64,
-    /// RMS difference of a pressure over the largest that the log has of it \[-\]. Half of what the paper's model leaves (Table 6: 2.75 bar of 80).
+    /// RMS difference of a pressure over its largest value in the log \[-\]. Half of the difference of the
+    /// paper's model (Table 6: 2.75 bar of 80 bar).
     pub pressure: f64,
-    /// And never less than this \[Pa\]: error of a usual pressure transducer, 0.25 % of 100 to 250 bar.
+    /// Smallest limit of a pressure difference \[Pa\]: error of a typical pressure transducer, 0.25 % of
+    /// 100 to 250 bar.
     pub least_pressure: f64,
-    /// And of a position \[m\]: error of a usual position sensor of a cylinder.
+    /// Smallest limit of a position difference \[m\]: error of a typical position sensor of a cylinder.
     pub least_position: f64,
-    /// Share by which frequencies may differ \[-\]. The paper's model leaves 1.3 % (2.24 Hz for 2.27).
+    /// Relative difference of frequencies \[-\]. The paper's model differs by 1.3 % (2.24 Hz for 2.27 Hz).
     pub frequency: f64,
-    /// Share by which damping ratios may differ \[-\], and never less than `least_damping`: no oscillation of a few periods tells more.
+    /// Relative difference of damping ratios \[-\], at least `least_damping`: an oscillation of a few
+    /// periods determines it no better.
     pub damping: f64,
-    /// Difference of damping ratios that is none \[-\].
+    /// Difference of damping ratios that counts as zero \[-\].
     pub least_damping: f64,
-    /// Damping ratio up to which an oscillation has a frequency that can be read \[-\]: it passes 3.7 periods until a tenth of it is left. Beside a course of a fifth its
-    /// size that settles in 0.3 s, as after a ramp, the estimator is off by 1 % there, by 2 % at 0.15 and by 7 % at 0.28.
+    /// Largest damping ratio of an oscillation with a reliable frequency \[-\]: it has 3.7 periods until it
+    /// decays to a tenth. Consider a slow transient of a fifth of the amplitude that settles in 0.3 s, as
+    /// after a ramp. The estimator's error is then 1 % at this ratio, 2 % at 0.15 and 7 % at 0.28.
     pub readable_damping: f64,
-    /// Most of a difference: a delay, a clock that drifts, or an error of a sensor explains it where less than this share of its RMS is left without \[-\].
+    /// Share of the RMS difference that may remain after correction if a delay, a clock drift or a sensor
+    /// error is to explain most of it \[-\].
     pub most: f64,
-    /// Delays up to this are steps and sampling \[s\]: a few periods of control and log.
+    /// Delay that steps and sampling explain \[s\]: a few periods of control and log.
     pub shortest_delay: f64,
-    /// An offset, a drift or a scale is told where it alone explains this share of a difference's power \[-\].
+    /// Smallest share of a difference's power explained by an offset, a drift or a scale alone for it to be
+    /// reported \[-\].
     pub told: f64,
-    /// Largest offset of a sensor, over the largest value of its signal \[-\]: more is another signal, or another load.
+    /// Largest offset of a sensor over the largest value of its signal \[-\]; a larger one indicates
+    /// another signal or another load.
     pub sensor_offset: f64,
-    /// Largest error of a sensor's scale \[-\]: more is another unit.
+    /// Largest relative scale error of a sensor \[-\]; a larger one indicates another unit.
     pub sensor_scale: f64,
-    /// A sensor beside it shows the same where it has this share of the error \[-\]: then it is the crane's.
+    /// Share of an error that a redundant sensor must show for the error to be the crane's \[-\].
     pub shared: f64,
-    /// Share of autocorrelations beyond their bound \[-\], of which white noise has 0.05, up to which a difference is the sensor's scatter though it is not white, where its
-    /// RMS is hardly more than that, that is by the factor below at most.
+    /// Largest share of autocorrelations beyond their bound, 0.05 for white noise, for a difference to
+    /// count as sensor noise although it is not white \[-\]. Its RMS must not exceed the noise by more than
+    /// the factor `hardly_more`.
     pub nearly_white: f64,
-    /// That factor \[-\].
+    /// Factor by which the RMS of such a difference may exceed the noise \[-\].
     pub hardly_more: f64,
-    /// An offset below this share of the unit that a signal is shown in is not told \[-\].
+    /// Smallest reported offset as a share of the displayed unit of its signal \[-\].
     pub least_offset: f64,
-    /// Frequencies of log and model that differ by a share beyond these need not be of one mode \[-\].
+    /// Relative frequency differences beyond which log and model may show different modes \[-\].
     pub same_mode: [f64; 2],
-    /// A key is worth naming where it lowers the sum of ½ ln(1 + (found/limit)²) of all that is judged by this share \[-\].
+    /// Smallest relative decrease of the sum of ½ ln(1 + (found/limit)²) over all judged quantities for a
+    /// key to be proposed \[-\].
     pub worthwhile: f64,
-    /// No key is tried at more than this factor of its value, or less than its inverse \[-\].
+    /// Largest factor by which a key is changed, and inverse of the smallest \[-\].
     pub most_change: f64,
-    /// A model whose pressures go further is no machine's \[Pa\]: it has a piston at its stop, and no relief valve.
+    /// Largest plausible pressure of a simulation \[Pa\]; beyond it the piston is at its stop without a
+    /// relief valve.
     pub highest_pressure: f64,
 }
 
-/// The limits.
+/// Thresholds in use.
 pub const LIMITS: Limits = Limits {
     position: 0.006,
     pressure: 0.02,

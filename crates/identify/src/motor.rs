@@ -1,7 +1,9 @@
-//! The motor's speed, as the drive makes it of what is asked for: dead time, second-order lag, limits of speed and slew.
+//! Motor speed as the drive's response to its command: dead time, second-order lag, limits of speed and
+//! slew rate.
 //!
-//! What the crane does follows from the speed that was read, and not from the one asked for: the drive shares no number with the rest of the model.
-//! Its keys are in the same least-squares problem all the same, with exact slopes, and its channel is the motor speed.
+//! The crane's motion follows from the measured speed and not from the command. The drive therefore shares
+//! no parameter with the rest of the model. Its keys are still part of the same least-squares problem, with
+//! exact derivatives, and its output is the motor speed.
 
 use crate::experiment::Times;
 use crate::free::Free;
@@ -15,12 +17,12 @@ use hydroboom_model::drive::{DeadTime, Drive, DriveState, MOST_PARTS};
 const KEYS: [&str; 3] = ["drive.bandwidth_hz", "drive.damping_ratio", "drive.dead_time_ms"];
 
 impl Free {
-    /// Whether it is a key of the drive, which the motor speed alone depends on.
+    /// Whether it is a key of the drive, which affects only the motor speed.
     pub fn is_of_drive(self) -> bool {
         KEYS.contains(&self.path().as_str())
     }
 
-    /// Keys of the drive that can be moved; none of a model whose motor follows at once.
+    /// Free keys of the drive; none for an ideal motor.
     pub fn of_drive(model: &Description) -> Vec<Self> {
         let keys = KEYS.iter().filter_map(|path| Self::from_path(path).ok());
         keys.filter(|key| has_drive(model) && key.value(model) > 0.0).collect()
@@ -34,21 +36,23 @@ fn has_drive(model: &Description) -> bool {
         && n.drive_bandwidth + n.drive_dead_time > 0.0
 }
 
-/// Motor speed that was asked for.
+/// Commanded motor speed.
 #[derive(Clone, Debug)]
 pub(crate) struct Asked {
-    /// Of each control period \[rev/s\], after [`before`](Self::before) of them before the experiment begins.
+    /// Command of each control period \[rev/s\]; the first [`before`](Self::before) of them precede the
+    /// experiment.
     speeds: Vec<f64>,
     before: usize,
-    /// Speed that the motor had at the beginning \[rev/s\].
+    /// Initial speed of the motor \[rev/s\].
     beginning: f64,
 }
 
-/// The longest dead time that is looked for \[s\].
+/// Largest dead time \[s\].
 const LONGEST: f64 = 0.3;
 
 impl Asked {
-    /// What a log says; none where it has not both the speed that was asked for and the one that was read, or the model has no drive.
+    /// Commands of a log; none if the log lacks the command or the measured speed, or the model has no
+    /// drive.
     pub(crate) fn new(model: &Description, signals: &Signals, times: &Times) -> Option<Self> {
         let (asked, read) = (signals.get(Signal::MotorCommand)?, signals.get(Signal::MotorSpeed)?);
         if !has_drive(model) {
@@ -63,9 +67,9 @@ impl Asked {
         Some(Self { speeds: (0..before + count).map(speed).collect(), before, beginning })
     }
 
-    /// Motor speed \[rev/s\] as it is read once in so many control periods \[s\], from the beginning on.
+    /// Measured motor speed \[rev/s\] every `every` control periods, from the start on.
     ///
-    /// Command and reading both pass the fieldbus. Torque does not limit the motor.
+    /// Command and measurement both pass the fieldbus. Torque does not limit the motor.
     pub(crate) fn read<T: Number>(&self, n: &Numbers<T>, every: usize, count: usize) -> Vec<T> {
         let period = n.control_period;
         let dead_time = n.drive_dead_time + T::lit(2.0) * n.fieldbus_delay * period;
@@ -89,7 +93,7 @@ impl Asked {
             let sent = |ago: usize| T::lit(self.speeds[(self.before + k).saturating_sub(ago)]);
             let wanted = dead_time.arrived(sent);
             match has_lag {
-                // always as many parts, so that nothing leaps as the bandwidth is moved
+                // a constant number of substeps keeps the result smooth in the bandwidth
                 true => {
                     drive.advance(&mut state, wanted, T::zero(), period, MOST_PARTS, |_, _| {});
                 }

@@ -1,23 +1,27 @@
-//! Measurement noise of a channel, from its own samples.
+//! Measurement noise of a channel, estimated from its own samples.
 //!
-//! Differences of neighbouring samples leave the noise and little of a smooth course (von Neumann, Distribution of the ratio of the mean square successive
-//! difference to the variance, Ann. Math. Stat. 12, 1941, 367-395; Rice, Bandwidth choice for nonparametric regression, Ann. Stat. 12, 1984, 1215-1230).
-//! Here they are divided differences of third order at the samples' own times, which a course of second degree leaves nothing in, scaled so that white noise
-//! keeps its variance (Gasser, Sroka and Jennen-Steinmetz, Residual variance and residual pattern in nonlinear regression, Biometrika 73, 1986, 625-633).
-//! Their median size stands for all of them: kinks of a course and samples that are far out do not count.
+//! Differences of neighbouring samples contain the noise and little of a smooth signal (von Neumann,
+//! Distribution of the ratio of the mean square successive difference to the variance, Ann. Math. Stat. 12,
+//! 1941, 367-395; Rice, Bandwidth choice for nonparametric regression, Ann. Stat. 12, 1984, 1215-1230).
+//!
+//! Here they are divided differences of third order at the samples' own times, which vanish for a parabola.
+//! They are scaled to keep the variance of white noise (Gasser, Sroka and Jennen-Steinmetz, Residual
+//! variance and residual pattern in nonlinear regression, Biometrika 73, 1986, 625-633). The median of
+//! their magnitudes makes the estimate robust to kinks and outliers.
 
 use hydroboom_measurement::Track;
 
-/// Samples that a difference is of.
+/// Number of samples in a difference.
 const POINTS: usize = 4;
-/// Samples further apart than so many intervals have a gap between them.
+/// Distance of neighbouring samples in median intervals above which there is a gap.
 const GAP: f64 = 2.5;
-/// Median of the size of a standard normal variable.
+/// Median of the magnitude of a standard normal variable.
 const MEDIAN: f64 = 0.674_489_75;
 
-/// Standard deviation of a signal's noise, in its unit, from its samples in a span of time \[s\]; zero of fewer than four.
+/// Standard deviation of a signal's noise in its unit, from its samples in a time range \[s\]; zero for
+/// fewer than four samples.
 ///
-/// Noise that a sensor's own filter has smoothed over several samples is not told from the signal.
+/// Noise that the sensor's own filter smooths over several samples is not distinguished from the signal.
 pub(crate) fn noise(track: &Track, from: f64, to: f64) -> f64 {
     let (time, values) = (track.time(), track.values());
     let (first, last) = (time.partition_point(|t| *t < from), time.partition_point(|t| *t <= to));
@@ -37,7 +41,7 @@ pub(crate) fn noise(track: &Track, from: f64, to: f64) -> f64 {
     *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
 }
 
-/// The divided difference of some samples, scaled to the variance of one of them.
+/// Divided difference of some samples, scaled to the variance of one of them.
 fn pseudo_residual(time: &[f64], values: &[f64]) -> f64 {
     let weight = |i: usize| -> f64 {
         let others = (0..time.len()).filter(|j| *j != i);
@@ -54,7 +58,7 @@ fn pseudo_residual(time: &[f64], values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Numbers of a normal distribution.
+    /// Normally distributed numbers.
     fn normal() -> impl FnMut() -> f64 {
         let mut state = 0x9e37_79b9_7f4a_7c15_u64;
         move || {
@@ -73,7 +77,7 @@ mod tests {
         let mut normal = normal();
         let mut time = Vec::new();
         for k in 0..8000 {
-            // a tenth of the interval of jitter, and two seconds that are missing
+            // sampling jitter of a tenth of the interval, and a gap of two seconds
             let t = 0.01 * f64::from(k) + 0.001 * normal().clamp(-3.0, 3.0);
             if !(30.0..32.0).contains(&t) {
                 time.push(t);

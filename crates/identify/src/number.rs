@@ -1,4 +1,4 @@
-//! Numbers that a model can be run over, and its steps over them.
+//! Number types over which a model can be run, and their integration steps.
 
 use hydroboom_math::{Dual, Real};
 use hydroboom_model::stepping::{Implicit, MOST_PARTS, Underlying, has_settled};
@@ -7,18 +7,18 @@ use hydroboom_model::{
     ValveStart,
 };
 
-/// A number that a model can be run over: plain, or with slopes.
+/// Number type over which a model can be run: plain, or dual numbers.
 pub trait Number: Real {
-    /// What steps over it need beside the crane.
+    /// Data that an integration step needs besides the crane.
     type Scheme<const N: usize, C: Circuit<Self>>;
 
-    /// Without slopes.
+    /// Value without derivatives.
     fn plain(self) -> f64;
 
-    /// Prepares steps of a crane.
+    /// Prepares the integration of a crane.
     fn scheme<const N: usize, C: Circuit<Self>>(crane: &Crane<Self, N, C>) -> Self::Scheme<N, C>;
 
-    /// One step \[s\]; how well it was solved, as [`Implicit::step`] returns it.
+    /// One step \[s\]; returns the residual of its solution, as [`Implicit::step`].
     fn step<const N: usize, C: Circuit<Self>>(
         scheme: &Self::Scheme<N, C>,
         crane: &Crane<Self, N, C>,
@@ -27,21 +27,21 @@ pub trait Number: Real {
         step: f64,
     ) -> f64;
 
-    /// The state of rest of a self-contained crane.
+    /// State of rest of a self-contained crane.
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] where there is none.
+    /// [`EquilibriumError`] if there is none.
     fn rest<const N: usize>(
         crane: &Crane<Self, N>,
         start: &Start<Self>,
     ) -> Result<CraneState<Self, N>, EquilibriumError>;
 
-    /// The state of rest of a valve-controlled crane.
+    /// State of rest of a valve-controlled crane.
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] where there is none.
+    /// [`EquilibriumError`] if there is none.
     fn valve_rest<const N: usize>(
         crane: &Crane<Self, N, ValveControlled<Self>>,
         start: &ValveStart<Self>,
@@ -120,19 +120,19 @@ impl<const P: usize> Number for Dual<f64, P> {
     }
 }
 
-/// A model's steps.
+/// Integrator of a model.
 pub struct Stepper<T: Number, const N: usize, C: Circuit<T>> {
     scheme: T::Scheme<N, C>,
 }
 
 impl<T: Number, const N: usize, C: Circuit<T>> Stepper<T, N, C> {
-    /// Prepares steps of a crane; to be used with that crane only.
+    /// Prepares the integration of a crane; to be used with that crane only.
     pub fn new(crane: &Crane<T, N, C>) -> Self {
         Self { scheme: T::scheme(crane) }
     }
 
-    /// The state a time \[s\] later, under an input that holds, in at least so many steps, and as many as they need to
-    /// settle; none where they do not.
+    /// State after a time \[s\] under a constant input, in at least the given number of steps and as many
+    /// as convergence needs; none if they do not converge.
     pub fn moved(
         &self,
         crane: &Crane<T, N, C>,

@@ -1,27 +1,28 @@
-//! Logs of an oscillation test: the load held, the boom dropped onto its locked cylinder (section 5.2.2).
+//! Logs of an oscillation test: with the load held, the boom is dropped onto its locked cylinder (section
+//! 5.2.2).
 
 use crate::drive::Drive;
 use hydroboom_measurement::{Signal, Signals, Track};
 
-/// A motor that turns no faster than this stands still \[rev/s\].
+/// Motor speed below which it stands still \[rev/s\].
 const STANDS: f64 = 0.2;
-/// The boom is let go at the first extreme that is at least this share of the largest.
+/// The release is the first extreme of at least this share of the largest one.
 const FIRST: f64 = 0.8;
-/// A swing of p_A smaller than this is none \[Pa\].
+/// Smallest amplitude of p_A that counts as an oscillation \[Pa\].
 const SMALLEST: f64 = 0.2e5;
-/// What a signal rests at is its mean over this last share of the log.
+/// Last share of the log whose mean is the final value of a signal.
 const RESTING: f64 = 0.5;
 
-/// The moment at which the boom is farthest out, and at rest.
+/// Moment of largest deflection, at which the boom is at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Release {
-    /// Time of the log \[s\].
+    /// Log time \[s\].
     pub(crate) time: f64,
-    /// p_A there, less what it comes to rest at \[Pa\].
+    /// p_A at that time minus its final value \[Pa\].
     pub(crate) swing: f64,
 }
 
-/// Whether nothing drives the machine and its load is held throughout.
+/// Whether the machine is not driven and its load is held throughout.
 pub(crate) fn is_held(drive: &Drive) -> bool {
     match drive {
         Drive::Pump(inputs) => {
@@ -31,7 +32,7 @@ pub(crate) fn is_held(drive: &Drive) -> bool {
     }
 }
 
-/// Where an oscillation begins, if p_A was measured and rings.
+/// Start of an oscillation, if p_A was measured and oscillates.
 pub(crate) fn release(signals: &Signals, begin: f64, end: f64) -> Option<Release> {
     let pressure = signals.get(Signal::PressureA)?;
     let rest = resting(pressure, begin, end)?;
@@ -59,7 +60,7 @@ pub(crate) fn release(signals: &Signals, begin: f64, end: f64) -> Option<Release
     Some(Release { time: seen[best].0, swing: seen[best].1 })
 }
 
-/// What a signal comes to rest at.
+/// Final value of a signal.
 pub(crate) fn resting(track: &Track, begin: f64, end: f64) -> Option<f64> {
     let from = end - RESTING * (end - begin);
     let pairs = track.time().iter().zip(track.values());

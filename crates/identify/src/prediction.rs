@@ -1,4 +1,4 @@
-//! The model under a log's inputs, and how each of its signals moves with each key.
+//! Prediction: the model's response to a log's inputs, and its sensitivity to each key.
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
@@ -12,26 +12,27 @@ use hydroboom_model::{Circuit, Crane, CraneState, ValveInput};
 use rayon::prelude::*;
 use std::array::from_fn;
 
-/// Segments of the published model.
+/// Number of segments of the published model.
 const SEGMENTS: usize = 3;
-/// Keys that one run is differentiated by.
+/// Number of derivatives computed in one run.
 const TOGETHER: usize = 8;
-/// Steps in a control period, of the implicit scheme. The published one will not do: at the load-holding valves
-/// it chatters within bounds, and its slopes, exact as they are, grow without any.
+/// Implicit integration steps per control period. The published scheme is not suitable: at the load-holding
+/// valves it chatters within bounds, and its exact derivatives grow without bound.
 pub(crate) const STEPS: u32 = 2;
 
-/// What the model shows at the samples of an experiment, in SI units, signals in the order of
-/// [`COMPARED`].
+/// Signals of the model at the samples of an experiment, in SI units and in the order of [`COMPARED`].
 pub type Prediction = Vec<[f64; COMPARED.len()]>;
 
-/// What a model starts from: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a valve-controlled
-/// crane; last how far off its rest p_A is as an oscillation test begins; none where nothing was measured.
+/// Number of initial values: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a
+/// valve-controlled crane. The last one is the initial deviation of p_A from its rest in an oscillation
+/// test. None if not measured.
 pub(crate) const STARTS: usize = 6;
 
-/// What a model over some numbers shows at the samples of an experiment.
+/// Signals of a model over a number type at the samples of an experiment.
 type Shown<T> = Vec<[T; COMPARED.len()]>;
 
-/// Builds a model over some numbers, starts it at rest where the experiment begins, and runs it, the drive too.
+/// Builds a model over a number type, initialises it at rest at the start of the experiment, and simulates
+/// it with the drive.
 fn shown<T: Number>(
     model: &Description,
     n: &Numbers<T>,
@@ -51,7 +52,7 @@ fn shown<T: Number>(
     Ok(seen)
 }
 
-/// The same of the crane alone.
+/// The same for the crane alone.
 fn of_crane<T: Number>(
     model: &Description,
     n: &Numbers<T>,
@@ -75,7 +76,7 @@ fn of_crane<T: Number>(
     }
 }
 
-/// The same of a valve-controlled crane.
+/// The same for a valve-controlled crane.
 fn at_valve<T: Number, const N: usize>(
     model: &Description,
     n: &Numbers<T>,
@@ -92,12 +93,12 @@ fn at_valve<T: Number, const N: usize>(
     let inputs = inputs.iter().map(|input| input.map(T::lit));
     run(&crane, state, inputs, experiment, |circuit, state| {
         let (a, b) = circuit.chambers(state);
-        // what such a circuit has not, no log of it has either
+        // signals that such a circuit does not have are not in its logs either
         [T::zero(), a, b, T::zero(), T::zero()]
     })
 }
 
-/// The state at rest that an experiment begins with.
+/// Initial state of an experiment, at rest.
 ///
 /// The accumulator's gas follows the isothermal law from its working pressure.
 fn beginning<T: Number>(
@@ -126,9 +127,9 @@ fn beginning<T: Number>(
     })
 }
 
-/// The boom turned, the oil locked in, until p_A is off its rest by a swing \[Pa\].
+/// Rotates the boom with trapped oil until p_A deviates from its rest by `swing` \[Pa\].
 ///
-/// A search along a slope that has no slopes itself: where it settles, its slopes have settled too.
+/// The iteration uses a plain slope; when its value has converged, its derivatives have converged too.
 fn lifted<T: Number>(
     crane: &Crane<T, SEGMENTS>,
     rest: &CraneState<T, SEGMENTS>,
@@ -144,7 +145,8 @@ fn lifted<T: Number>(
     crane.lifted(rest, angle)
 }
 
-/// Runs the model from a state at rest; what it shows at each sample: position, then `pressures`.
+/// Simulates the model from a state at rest and returns its signals at each sample: position, then
+/// `pressures`.
 fn run<T: Number, const N: usize, C: Circuit<T>>(
     crane: &Crane<T, N, C>,
     mut state: CraneState<T, N, C::State>,
@@ -157,7 +159,7 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
         let pose = crane.boom.pose(&state.boom.angle);
         let [pump_a, a, b, pump_b, accumulator] = pressures(&crane.circuit, &state.circuit);
         let stroke = crane.boom.cylinder_pose(&pose).stroke;
-        // the motor's speed is none of the crane's: it comes after
+        // the motor speed is computed separately
         [stroke, pump_a, a, b, pump_b, accumulator, T::zero()]
     };
     let (period, every) =
@@ -185,32 +187,32 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
     Ok(seen)
 }
 
-/// A signal as a reading shows it that went through a first-order filter: exact for a course that is straight from sample to
-/// sample, which are `ratio` of the filter's time constant apart.
+/// First-order filter of a signal: exact for a signal that is linear between samples, whose interval is
+/// `ratio` filter time constants.
 fn filtered<T: Number>(seen: &mut Shown<T>, signal: usize, ratio: f64) {
     let fades = (-ratio).exp();
-    // what is left of the beginning, and what the straight line adds
+    // decay of the initial value, and response to the ramp between samples
     let (last, next) = ((1.0 - fades) / ratio - fades, 1.0 - (1.0 - fades) / ratio);
     let Some(first) = seen.first() else { return };
     let (mut before, mut shown) = (first[signal], first[signal]);
     for row in &mut *seen {
         let now = row[signal];
         shown = T::lit(fades) * shown + T::lit(last) * before + T::lit(next) * now;
-        // the first sample is at rest
+        // the filter starts in steady state
         (before, row[signal]) = (now, shown);
     }
 }
 
-/// What the model shows under an experiment's inputs.
+/// Prediction of the model for an experiment's inputs.
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] when there is no such model, or it breaks off.
+/// [`IdentifyError`] if there is no such model, or the simulation fails.
 pub fn predict(model: &Description, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
     predict_from(model, experiment, &[0.0; STARTS])
 }
 
-/// The same with each start moved by an offset.
+/// The same with an offset on each initial value.
 pub(crate) fn predict_from(
     model: &Description,
     experiment: &Experiment,
@@ -220,11 +222,11 @@ pub(crate) fn predict_from(
     shown(model, &model.numbers, &begin, experiment)
 }
 
-/// What the model shows, and its slope along ln θ of each key: a prediction for each key, in units of the signal.
+/// Prediction, and its derivative with respect to ln θ of each key, in units of the signals.
 ///
 /// # Errors
 ///
-/// As [`predict`].
+/// See [`predict`].
 pub fn sensitivities(
     model: &Description,
     experiment: &Experiment,
@@ -234,16 +236,16 @@ pub fn sensitivities(
     slopes_from(model, experiment, &[0.0; STARTS], &keys)
 }
 
-/// What a prediction is differentiated by.
+/// Variable of differentiation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Direction {
     /// ln θ of a key.
     Key(Free),
-    /// A start, in SI units.
+    /// Initial value in SI units.
     Start(usize),
 }
 
-/// What the model shows with each start moved by an offset, and its slope along each direction.
+/// Prediction with an offset on each initial value, and its derivatives along the given directions.
 pub(crate) fn slopes_from(
     model: &Description,
     experiment: &Experiment,

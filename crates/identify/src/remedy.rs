@@ -1,4 +1,5 @@
-//! Which keys would bring a model nearer to a log: one list for all signals together. What helps one signal and harms another is no advice.
+//! Keys that would bring a model closer to a log, judged over all signals together. A change that improves
+//! one signal and worsens another is not proposed.
 
 use crate::differences::{Differences, differences, free};
 use crate::error::IdentifyError;
@@ -13,56 +14,59 @@ use hydroboom_description::schema::Numbers;
 use hydroboom_measurement::Signal;
 use rayon::prelude::*;
 
-/// A change of one key, and what it does to all that is judged.
+/// Change of one key, and its effect on all judged quantities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
-    /// The key.
+    /// Path of the key.
     pub path: String,
-    /// Share by which it is changed: 0.1 is a tenth more, 2 is three times as much.
+    /// Relative change: 0.1 is a tenth more, 2 is three times as much.
     pub change: f64,
-    /// Whether it is changed as far as its key allows, or by as much as any key is changed by: more would be better.
+    /// Whether the change is limited by the key's bounds or by the largest factor tried, so that more would
+    /// improve further.
     pub at_limit: bool,
-    /// Geometric mean of √(1 + (found/limit)²) of all that is judged, before and after: 1 where nothing differs, √2 with all at their limits.
+    /// Geometric mean of √(1 + (found/limit)²) of all judged quantities, before and after: 1 without
+    /// differences, √2 with all at their limits.
     pub misfit: (f64, f64),
-    /// What it moves: what is beyond its limit before or after.
+    /// Affected quantities: those beyond their limit before or after.
     pub moved: Vec<Moved>,
 }
 
-/// What a changed key does to one thing that is judged.
+/// Effect of a changed key on one judged quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moved {
-    /// What it is.
+    /// Aspect.
     pub aspect: Aspect,
-    /// The signal.
+    /// Signal.
     pub signal: Signal,
-    /// RMS difference \[SI\], the model's frequency \[Hz\] or its damping ratio, before and after, as the model shows it.
+    /// RMS difference \[SI\], or the model's frequency \[Hz\] or damping ratio, before and after.
     pub found: (f64, f64),
-    /// The log's frequency \[Hz\] or damping ratio; zero for a difference.
+    /// Frequency \[Hz\] or damping ratio of the log; zero for a difference.
     pub wanted: f64,
 }
 
-/// What would move a model, best first.
+/// Proposed changes, best first.
 pub type Remedies = Vec<Remedy>;
 
-/// So many keys are looked at for what differs in size, and for each of frequency and damping.
+/// Number of candidate keys for the differences, and for each frequency and damping.
 const LOOKED_AT: usize = 5;
 const LOOKED_AT_FOR_RINGING: usize = 2;
-/// And told.
+/// Largest number of proposals.
 const TOLD: usize = 3;
-/// How far along the straight step the model is run: a key far off moves a signal by no straight line.
+/// Multiples of the linear step at which the model is run, because a large change is nonlinear.
 const TRIED: [f64; 5] = [0.4, 0.7, 1.0, 1.5, 2.2];
-/// Where it is run about the best of these.
+/// Factors of the refinement about the best of them.
 const REFINED: [f64; 4] = [0.75, 1.25, 0.9, 1.1];
-/// Share of ln θ by which a prediction is moved along its slope, to see how its oscillation changes.
+/// Change of ln θ for the numerical derivative of an oscillation's frequency and damping.
 const NUDGE: f64 = 0.003;
 
-/// Keys that would lower the sum of ½ ln(1 + (found/limit)²) of all that is judged most, each on its own and for all signals together: found by exact slopes, and tried by running the model
-/// with the key changed. Nothing is asked of keys by a late signal or a drifting
-/// clock; faults of sensors are taken out of the log before, by [`isolate`](crate::isolate).
+/// Keys that would most decrease the sum of ½ ln(1 + (found/limit)²) over all judged quantities, each
+/// changed alone. Candidates follow from exact derivatives and are tested by model runs. Delayed signals
+/// and clock drifts are not used; sensor faults are removed from the log before, by
+/// [`isolate`](crate::isolate).
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] when the model cannot be run.
+/// [`IdentifyError`] if the model cannot be run.
 pub fn remedies(
     model: &Description,
     experiment: &Experiment,
@@ -81,16 +85,16 @@ pub fn remedies(
     Ok((prediction, list))
 }
 
-/// One thing that is judged and that keys are asked for.
+/// Judged quantity that keys may affect.
 struct Asked {
     judgement: Judgement,
-    /// Place of the signal among the compared ones.
+    /// Index of the signal among the compared ones.
     place: usize,
-    /// How the log rings.
+    /// Oscillation of the log.
     log: Option<Ringing>,
 }
 
-/// What is judged, but for what is no matter of keys.
+/// Judged quantities except those that no key can explain.
 fn asked(found: &Differences) -> Vec<Asked> {
     let of = |judgement: Judgement| {
         let place = COMPARED.iter().position(|signal| *signal == judgement.signal)?;
@@ -102,7 +106,7 @@ fn asked(found: &Differences) -> Vec<Asked> {
     judged(found).into_iter().filter_map(of).collect()
 }
 
-/// All that is judged, of one log.
+/// All judged quantities of one log.
 struct All<'a> {
     experiment: &'a Experiment,
     model: &'a Description,
@@ -110,10 +114,10 @@ struct All<'a> {
     of: Vec<Asked>,
 }
 
-/// What a prediction comes to: of each thing its value, and how far it is off over its limit.
+/// Value of each quantity for a prediction, with its deviation over its limit.
 type Found = Vec<Option<(f64, f64)>>;
 
-/// A key's change that was tried: sum over all, step of ln θ, what was found.
+/// Tested change of a key: sum over all quantities, step of ln θ, values.
 type Tried = (f64, f64, Found);
 
 impl All<'_> {
@@ -134,7 +138,8 @@ impl All<'_> {
         Some((value, off.abs() / asked.judgement.limit))
     }
 
-    /// RMS difference, the model's frequency, or its damping ratio; none where it does not ring so that it could be told.
+    /// RMS difference, or the model's frequency or damping ratio; none if its oscillation is not
+    /// identifiable.
     fn value(&self, asked: &Asked, prediction: &Prediction) -> Option<f64> {
         let rings = || {
             let values: Vec<f64> = prediction.iter().map(|row| row[asked.place]).collect();
@@ -153,19 +158,21 @@ impl All<'_> {
         }
     }
 
-    /// Sum over all that is judged of ln(1 + square of what it is over its limit)/2: about the logarithm far off, so that each counts alike, and a square within. What
-    /// is not told after a change counts as before.
+    /// Sum of ln(1 + square)/2 over all judged quantities, where the square is that of the deviation over
+    /// its limit. It is logarithmic for large deviations, so that all have equal weight, and quadratic for
+    /// small ones. A quantity that is no longer identifiable counts as before.
     fn sum(&self, found: &Found, before: &Found) -> f64 {
         let of = found.iter().zip(before).filter_map(|(found, before)| found.or(*before));
         of.map(|(_, over)| 0.5 * (1.0 + over * over).ln()).sum()
     }
 
-    /// That as a factor: the mean over all.
+    /// The sum as a factor: geometric mean over all quantities.
     fn misfit(&self, sum: f64) -> f64 {
         (sum / self.of.len().max(1) as f64).exp()
     }
 
-    /// Step of ln θ along a straight line that takes most of all differences in size away, each over its own, and how much of them it is good for.
+    /// Linear step of ln θ that minimises the scaled differences of all signals, and the share of them that
+    /// it removes.
     fn step(
         &self,
         prediction: &Prediction,
@@ -191,7 +198,7 @@ impl All<'_> {
         (square > 0.0 && step.is_finite()).then_some((along * step, step))
     }
 
-    /// The same for a frequency or a damping; the shorter the step, the more it is that key's.
+    /// The same for a frequency or damping; a shorter step indicates a more specific key.
     fn step_of_ringing(
         &self,
         asked: &Asked,
@@ -237,14 +244,14 @@ impl All<'_> {
         let tried = |(_, step, key): &(f64, f64, Free)| self.tried(&before, *step, *key);
         let mut list: Vec<(f64, Remedy)> = straight.par_iter().filter_map(tried).collect();
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // one change of a key: the better one
+        // one change per key: the better one
         let mut named: Vec<String> = Vec::new();
         list.retain(|(_, remedy)| {
             let is_new = !named.contains(&remedy.path);
             named.push(remedy.path.clone());
             is_new
         });
-        // a key at the end of what is tried is told where nothing else helps
+        // a change at its limit is proposed only if no other one helps
         if list.iter().any(|(_, remedy)| !remedy.at_limit) {
             list.retain(|(_, remedy)| !remedy.at_limit);
         }
@@ -252,7 +259,8 @@ impl All<'_> {
         list.into_iter().map(|(_, remedy)| remedy).collect()
     }
 
-    /// A key moved along its step as far as that helps all together; with what is left then. None where that is not worth while.
+    /// Best change of a key along its step, with the remaining deviations; none if the improvement is too
+    /// small.
     fn tried(&self, before: &Found, step: f64, key: Free) -> Option<(f64, Remedy)> {
         let value = key.value(self.model);
         let (low, high) = key.bounds();
@@ -270,7 +278,7 @@ impl All<'_> {
         let better = |a: Tried, b: Tried| if b.0 < a.0 { b } else { a };
         let runs = TRIED.par_iter().filter_map(|share| at(clamped(share * step)));
         let mut best = runs.reduce_with(better)?;
-        // on as long as it helps, then a quarter and a tenth to both sides
+        // doubled while it improves, then refined by a quarter and a tenth to both sides
         let mut last = TRIED[TRIED.len() - 1] * step;
         while best.1 == clamped(last) && clamped(2.0 * last) != clamped(last) {
             last *= 2.0;

@@ -1,43 +1,43 @@
-//! Frequency and damping of a signal that rings.
+//! Frequency and damping of a signal's oscillation.
 
 use crate::limits::LIMITS;
 use nalgebra::{Matrix4, Vector4};
 use realfft::RealFftPlanner;
 
-/// A decaying oscillation.
+/// Decaying oscillation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ringing {
     /// Frequency \[Hz\].
     pub frequency: f64,
-    /// Damping ratio; none where no stretch decays freely for long enough.
+    /// Damping ratio; none if no free decay is long enough.
     pub damping: Option<f64>,
-    /// Amplitude of the fitted oscillation at the beginning of its stretch, in the signal's unit; zero where none
-    /// was fitted.
+    /// Initial amplitude of the fitted oscillation in the signal's unit; zero if none was fitted.
     pub amplitude: f64,
 }
 
 impl Ringing {
-    /// Whether its frequency can be read: it passes several periods before it has faded.
+    /// Whether its frequency is reliable: the damping is small enough for several periods.
     pub fn tells_frequency(&self) -> bool {
         self.damping.is_some_and(|damping| damping <= LIMITS.readable_damping)
     }
 }
 
-/// Slower and faster than this nothing is called ringing \[Hz\].
+/// Frequency range of the search \[Hz\].
 const BAND: (f64, f64) = (0.7, 20.0);
-/// More strongly damped, a course bends and does not ring.
+/// Damping ratio above which a transient does not count as an oscillation.
 const MOST_DAMPING: f64 = 0.3;
-/// A peak stands out if it is so many times as large as the middle of the spectrum.
+/// Smallest ratio of a peak to the median of the spectrum.
 const PROMINENT: f64 = 6.0;
-/// A stretch in which nothing drives the oscillation has at least so many periods.
+/// Smallest number of periods in a free decay.
 const PERIODS: f64 = 3.0;
 
-/// How a signal rings, sampled every `interval` \[s\]; `is_free` says for each sample whether nothing drives it
-/// there. None where nothing stands out.
+/// Oscillation of a signal sampled every `interval` \[s\]; `is_free` marks the samples without excitation.
+/// None without a prominent peak.
 ///
-/// The frequency is the largest peak of the amplitude spectrum of the signal's second difference over a fifth of a second (which
-/// takes a slow course away), under a Hann window, between bins by a parabola. Damping, and the frequency once more, come
-/// from `y = a + b t + e^{−σt} (c cos ωt + d sin ωt)` fitted to the longest free stretch.
+/// The frequency is the largest peak of the amplitude spectrum of the signal's second difference over 0.2
+/// s, which removes slow motion. A Hann window is used, and bins are interpolated by a parabola. Damping
+/// and a refined frequency come from `y = a + b t + e^{−σt} (c cos ωt + d sin ωt)`, fitted to the longest
+/// free decay.
 pub fn ringing(values: &[f64], interval: f64, is_free: &[bool]) -> Option<Ringing> {
     if values.len() < 64 || values.iter().any(|v| !v.is_finite()) {
         return None;
@@ -48,10 +48,10 @@ pub fn ringing(values: &[f64], interval: f64, is_free: &[bool]) -> Option<Ringin
     if length < PERIODS / coarse {
         return Some(Ringing { frequency: coarse, damping: None, amplitude: 0.0 });
     }
-    // beyond some ten periods only the noise is fitted
+    // after some ten periods only noise would be fitted
     let most = (12.0 / coarse / interval) as usize;
     let part = &values[stretch.0..stretch.1.min(stretch.0 + most)];
-    // the stretch may ring at another frequency than the rest: it is looked at on its own
+    // the frequency in the free decay may differ from that of the whole signal
     let begin = peak(part, interval).filter(|f| (f / coarse - 1.0).abs() < 0.4).unwrap_or(coarse);
     let fitted = decay(part, interval, begin).filter(|r| {
         let is_near = (r.frequency / coarse - 1.0).abs() < 0.25;
@@ -60,7 +60,7 @@ pub fn ringing(values: &[f64], interval: f64, is_free: &[bool]) -> Option<Ringin
     Some(fitted.unwrap_or(Ringing { frequency: coarse, damping: None, amplitude: 0.0 }))
 }
 
-/// The longest run of free samples.
+/// Longest sequence of samples without excitation.
 fn longest(is_free: &[bool], count: usize) -> (usize, usize) {
     let (mut best, mut from) = ((0, 0), 0);
     for k in 0..=count {
@@ -94,7 +94,7 @@ fn peak(values: &[f64], interval: f64) -> Option<f64> {
     let mut output = transform.make_output_vec();
     transform.process(&mut input, &mut output).ok()?;
     let frequency = |bin: f64| bin / (length as f64 * interval);
-    // the difference answers with 4 sin²(π f lag): that is taken out again
+    // the second difference has the gain 4 sin²(π f lag), which is divided out
     let size: Vec<f64> = output
         .iter()
         .enumerate()
@@ -123,14 +123,14 @@ fn peak(values: &[f64], interval: f64) -> Option<f64> {
     Some(frequency(top as f64 + shift.clamp(-0.5, 0.5)))
 }
 
-/// The decaying oscillation that fits best, from a frequency nearby \[Hz\].
+/// Decaying oscillation of best fit, from an initial frequency \[Hz\].
 fn decay(values: &[f64], interval: f64, frequency: f64) -> Option<Ringing> {
     let mut omega = std::f64::consts::TAU * frequency;
     let mut sigma = 0.05 * omega;
     let cost =
         |omega: f64, sigma: f64| linear(values, interval, omega, sigma).map(|(_, rest)| rest);
     let mut least = cost(omega, sigma)?;
-    // a search by steps that shrink: two unknowns, no slopes needed, and no way to diverge
+    // pattern search with decreasing steps: two unknowns, no derivatives, no divergence
     let (mut of_omega, mut of_sigma) = (0.05 * omega, 0.04 * omega);
     while of_omega > 1e-6 * omega {
         let mut is_better = false;
@@ -152,7 +152,7 @@ fn decay(values: &[f64], interval: f64, frequency: f64) -> Option<Ringing> {
     let (weights, rest) = linear(values, interval, omega, sigma)?;
     let amplitude = weights[2].hypot(weights[3]);
     let left = (rest / values.len() as f64).sqrt();
-    // an oscillation that is hardly larger than what is left is none
+    // the amplitude must exceed the residual
     let turned = omega.hypot(sigma);
     (amplitude > 1.5 * left).then_some(Ringing {
         frequency: omega / std::f64::consts::TAU,
@@ -161,9 +161,9 @@ fn decay(values: &[f64], interval: f64, frequency: f64) -> Option<Ringing> {
     })
 }
 
-/// Offset, slope, cosine and sine that fit best, and the sum of squares that is left.
+/// Offset, slope, cosine and sine of best fit, and the residual sum of squares.
 fn linear(values: &[f64], interval: f64, omega: f64, sigma: f64) -> Option<([f64; 4], f64)> {
-    // from sample to sample it turns and fades by the same
+    // rotation and decay per sample are constant
     let fades = (-sigma * interval).exp();
     let (sin, cos) = (omega * interval).sin_cos();
     let (turned, across) = (fades * cos, fades * sin);
@@ -228,8 +228,8 @@ mod tests {
         }
     }
 
-    /// Beside a course that settles in a third of a second, as after a ramp: the frequency is off by more than its limit where the oscillation is damped strongly, and
-    /// is not told there.
+    /// With a transient that settles in a third of a second, as after a ramp, the frequency error exceeds
+    /// its limit for strong damping. The frequency is not reported there.
     #[test]
     fn a_frequency_is_told_where_it_can_be_read() {
         let interval = 0.005;

@@ -1,26 +1,27 @@
-//! What the model leaves out, and the keys that it is found in instead: such a key is that of an equivalent model, not of the machine.
+//! Structural limits: omitted effects that a fit attributes to other keys. Such a key belongs to an
+//! equivalent model, not to the machine.
 
 use crate::free::Free;
 use hydroboom_description::schema::Numbers;
 
-/// A stated limit of keys.
+/// Structural limit of some keys.
 struct StructuralLimit {
-    /// Paths, or how they begin.
+    /// Paths or their prefixes.
     keys: &'static [&'static str],
-    /// Whether a model leaves it out.
+    /// Whether a model omits the effect.
     is_left_out: fn(&Numbers<f64>) -> bool,
-    /// What the model leaves out.
+    /// Omitted effect.
     reason: &'static str,
 }
 
-/// All of them.
+/// All structural limits.
 const LIMITS: [StructuralLimit; 8] = [
     StructuralLimit {
         keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
         is_left_out: |n| n.base_stiffness <= 0.0,
         reason: "of E and the second moment of area only the product shows, and what base, pins and cylinder mounts give is taken for the boom's",
     },
-    // a base that gives takes its share; the product is all that bends, whatever else does
+    // a flexible base takes a share of the flexibility; the product E I represents the total of both
     StructuralLimit {
         keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
         is_left_out: |_| true,
@@ -58,7 +59,7 @@ const LIMITS: [StructuralLimit; 8] = [
     },
 ];
 
-/// What a model leaves out that is found in a key instead; none where nothing is known of it.
+/// Omitted effect that a fit attributes to a key; none if none is known.
 pub(crate) fn limit_of(key: Free, numbers: &Numbers<f64>) -> Option<&'static str> {
     let path = key.path();
     let is_of = |limit: &&StructuralLimit| {
@@ -80,7 +81,7 @@ mod tests {
         }
     }
 
-    /// The boom bends by E times I, whatever its base does.
+    /// Whether the base is flexible or not, only the product of E and I is observable.
     #[test]
     fn a_base_that_gives_does_not_part_e_from_the_second_moment() {
         for base in [0.0, 2e7] {

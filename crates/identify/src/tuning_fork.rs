@@ -1,9 +1,10 @@
-//! What of a log does not depend on the phase of its oscillations: slow courses, frequencies and dampings.
+//! Phase-independent features of a log: slow motion, frequencies and dampings of its oscillations.
 //!
-//! Where log and model ring at different frequencies they are out of phase after a few periods, and a search that
-//! compares them sample by sample would rather damp the model away than make it ring as the log does. So the pitch
-//! comes first: each signal averaged over one period of its log's oscillation, and of the oscillation its frequency and
-//! damping. What that comes to is in phase, and the search over all samples begins there.
+//! If log and model oscillate at different frequencies, they lose phase after a few periods. A fit sample
+//! by sample would then increase the model's damping instead of correcting its frequency. The fit therefore
+//! starts with these features. They are each signal averaged over one period of the log's oscillation, and
+//! the frequency and damping of the oscillation. The fit over all samples starts at the result, where both
+//! are in phase.
 
 use crate::differences::free;
 use crate::experiment::{COMPARED, CRANE, Experiment, Sample};
@@ -11,47 +12,47 @@ use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
 use std::ops::Range;
 
-/// Log and model that lose more than this share of a turn over a log are out of phase.
+/// Phase difference over a log, in turns, above which log and model are out of phase.
 const LOST_TURNS: f64 = 0.2;
-/// A frequency is to agree within this share, and a damping ratio.
+/// Relative tolerance of a frequency, and of a damping ratio.
 const EXACT: (f64, f64) = (0.005, 0.2);
-/// What a model that does not ring counts as: this far off, in the same units.
+/// Residual of a model without oscillation, in multiples of the tolerance.
 const SILENT: f64 = 40.0;
-/// What rings within this share of the boom's frequency is the boom.
+/// Relative frequency difference up to which an oscillation belongs to the boom.
 const SAME: f64 = 0.15;
-/// Every so many samples a slow course is looked at in one of its oscillation's periods.
+/// Samples of the slow motion per period of the oscillation.
 const PER_PERIOD: usize = 4;
-/// Share of ln θ by which a prediction is moved along its slope, to see how its oscillation changes.
+/// Change of ln θ for the numerical derivative of an oscillation's frequency and damping.
 const NUDGE: f64 = 0.003;
 
-/// The pitch of a log.
+/// Phase-independent features of a log.
 #[derive(Clone, Debug)]
 pub(crate) struct TuningFork {
     interval: f64,
-    /// The samples it is of: the longest run in which nothing is missing.
+    /// Samples used: the longest sequence without missing ones.
     span: Range<usize>,
     is_free: Vec<bool>,
     signals: Vec<Pitched>,
 }
 
-/// A signal of it.
+/// Features of one signal.
 #[derive(Clone, Debug)]
 struct Pitched {
-    /// Its place among the compared ones.
+    /// Index among the compared signals.
     place: usize,
-    /// Samples of one period of the boom's oscillation.
+    /// Samples in one period of the boom's oscillation.
     period: usize,
-    /// The log's slow course.
+    /// Slow motion of the log.
     slow: Vec<f64>,
-    /// What the slow course is held against.
+    /// Standard deviation that scales the slow motion.
     deviation: f64,
-    /// How the log rings, if it does.
+    /// Oscillation of the log, if any.
     ringing: Option<Ringing>,
 }
 
 impl TuningFork {
-    /// The pitch of a log; none where it does not ring, and where log and model stay in phase unless it is wanted
-    /// `always`.
+    /// Features of a log. None without an oscillation, and if log and model stay in phase unless `always`
+    /// is set.
     pub(crate) fn new(
         experiment: &Experiment,
         prediction: &Prediction,
@@ -71,7 +72,7 @@ impl TuningFork {
             .iter()
             .map(|(_, values)| ringing(values, interval, &is_free).filter(|r| r.damping.is_some()))
             .collect();
-        // the boom is what rings loudest above the scatter of its sensor; what else is heard elsewhere is none of it
+        // the boom's oscillation is the one of largest ratio to sensor noise; other frequencies are ignored
         let loudness = |k: &usize| {
             heard[*k]
                 .map_or(0.0, |r| r.amplitude / experiment.noise[whole[*k].0].max(f64::MIN_POSITIVE))
@@ -109,7 +110,7 @@ impl TuningFork {
         Some(Self { interval, signals, is_free, span })
     }
 
-    /// Log less model of all that counts, each against what it is to agree within.
+    /// Log minus model of all features, scaled by their tolerances.
     pub(crate) fn residuals(&self, prediction: &Prediction) -> Vec<f64> {
         let mut all = Vec::new();
         for signal in &self.signals {
@@ -123,7 +124,7 @@ impl TuningFork {
         all
     }
 
-    /// Frequency and damping of the log less the model's.
+    /// Frequency and damping of the log minus the model's.
     fn ringing(&self, log: Ringing, model: &[f64]) -> [f64; 2] {
         let Some(heard) = ringing(model, self.interval, &self.is_free) else {
             return [SILENT; 2];
@@ -131,13 +132,13 @@ impl TuningFork {
         let ratio = |log: f64, model: f64| (log.max(1e-3) / model.max(1e-3)).ln();
         let damping = match (log.damping, heard.damping) {
             (Some(a), Some(b)) => ratio(a, b) / EXACT.1,
-            // too strongly damped to be told
+            // the damping is too strong to be identified
             _ => 0.0,
         };
         [ratio(log.frequency, heard.frequency) / EXACT.0, damping]
     }
 
-    /// How the residuals change along a slope of the prediction.
+    /// Derivative of the residuals along a derivative of the prediction.
     pub(crate) fn slopes(&self, prediction: &Prediction, slope: &Prediction) -> Vec<f64> {
         let mut all = Vec::new();
         for signal in &self.signals {
@@ -158,12 +159,12 @@ impl TuningFork {
     }
 }
 
-/// One signal of a prediction, over a span.
+/// One signal of a prediction over a range of samples.
 fn column(prediction: &Prediction, place: usize, span: &Range<usize>) -> Vec<f64> {
     prediction[span.clone()].iter().map(|row| row[place]).collect()
 }
 
-/// The longest run of samples in which no signal is missing that is measured at all.
+/// Longest sequence of samples in which every measured signal is there.
 fn whole_span(experiment: &Experiment) -> Range<usize> {
     let samples = &experiment.samples;
     let is_measured: [bool; COMPARED.len()] =
@@ -186,7 +187,7 @@ fn whole_span(experiment: &Experiment) -> Range<usize> {
     best
 }
 
-/// Averages over a period, a few in each.
+/// Moving averages over a period, a few per period.
 fn course(values: &[f64], period: usize) -> Vec<f64> {
     let period = period.clamp(1, values.len().max(1));
     let every = (period / PER_PERIOD).max(1);
@@ -201,7 +202,8 @@ mod tests {
     use hydroboom_measurement::Signal;
     use hydroboom_model::Input;
 
-    /// A log of four seconds in which p_A swings by 3 bar at a frequency \[Hz\] and p_B by 0.3 bar at another.
+    /// Log of four seconds in which p_A oscillates by 3 bar at one frequency \[Hz\] and p_B by 0.3 bar at
+    /// another.
     fn log(boom: f64, line: f64) -> Experiment {
         let swing = |size: f64, frequency: f64, time: f64| {
             let omega = std::f64::consts::TAU * frequency;
@@ -244,7 +246,7 @@ mod tests {
         let heard: Vec<usize> =
             fork.signals.iter().filter(|s| s.ringing.is_some()).map(|s| s.place).collect();
         assert_eq!(heard, [2], "only p_A rings as the boom does");
-        // the pitch is off by a tenth, and by nothing beside the log itself
+        // the frequency differs by a tenth from the model and not from the log itself
         let square = |p: &Prediction| fork.residuals(p).iter().map(|r| r * r).sum::<f64>();
         let off = ((2.2_f64 / 2.0).ln() / EXACT.0).powi(2);
         assert!(square(&model) > 0.9 * off, "{} for {off}", square(&model));

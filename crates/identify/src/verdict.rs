@@ -1,44 +1,46 @@
-//! Is the model right? Position, pressures, frequency and damping of a log, each against a stated limit.
+//! Verdict on a model: position, pressures, frequency and damping of a log, each compared with a stated
+//! limit.
 
 use crate::differences::{Difference, Differences};
 use crate::limits::LIMITS;
 use crate::ringing::Ringing;
 use hydroboom_measurement::Signal;
 
-/// What a model is right or wrong for.
+/// Judged aspect of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aspect {
     /// The piston's position.
     Position,
-    /// All pressures that were measured.
+    /// All measured pressures.
     Pressures,
-    /// How fast the load pressure, or what rings loudest, oscillates.
+    /// Frequency of the boom's oscillation, from the signal of largest amplitude over noise.
     Frequency,
-    /// How fast that fades.
+    /// Damping of that oscillation.
     Damping,
 }
 
-/// Whether a model is right for one aspect of a log.
+/// Judgement of a model on one aspect of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// The aspect.
+    /// Aspect.
     pub aspect: Aspect,
-    /// The signal that decides.
+    /// Signal of largest deviation.
     pub signal: Signal,
-    /// What was found: an RMS difference in SI units, or a share of frequency or damping with its sign, the model over the log.
+    /// Deviation: RMS difference in SI units, or relative difference of frequency or damping with its sign,
+    /// model over log.
     pub found: f64,
-    /// What it may be, its size.
+    /// Largest allowed magnitude.
     pub limit: f64,
 }
 
 impl Judgement {
-    /// Whether the model is right.
+    /// Whether the model is within the limit.
     pub fn is_right(&self) -> bool {
         self.found.abs() <= self.limit
     }
 }
 
-/// Position or a pressure against its limit.
+/// Judgement of a position or a pressure.
 pub(crate) fn of_size(d: &Difference) -> Judgement {
     let (aspect, limit) = match d.signal {
         Signal::Stroke => (Aspect::Position, (LIMITS.position * d.span).max(LIMITS.least_position)),
@@ -47,8 +49,8 @@ pub(crate) fn of_size(d: &Difference) -> Judgement {
     Judgement { aspect, signal: d.signal, found: d.rms, limit }
 }
 
-/// Frequency and damping of a signal against their limits, where both are told; the model over the log. A frequency is told of what is damped so little that it can
-/// be read.
+/// Judgements of a signal's frequency and damping, model over log, if both are identified. The frequency is
+/// judged only if the damping is small enough.
 fn of_ringing(d: &Difference) -> Vec<Judgement> {
     let (Some(log), Some(model)) = (d.ringing, d.model_ringing) else { return Vec::new() };
     let (Some(own), Some(shown)) = (log.damping, model.damping) else { return Vec::new() };
@@ -63,24 +65,25 @@ fn of_ringing(d: &Difference) -> Vec<Judgement> {
     all
 }
 
-/// Whether a signal is beyond its limit, of what the log tells.
+/// Whether an adequately sampled signal is beyond its limit.
 pub(crate) fn is_beyond(d: &Difference) -> bool {
     d.unresolved.is_none() && !of_size(d).is_right()
 }
 
-/// All that is judged: each signal that the log tells, and how the boom rings.
+/// All judgements: each adequately sampled signal, and the boom's oscillation.
 pub(crate) fn judged(found: &Differences) -> Vec<Judgement> {
     let told = found.iter().filter(|d| d.unresolved.is_none());
     let boom = boom(found).map(of_ringing).into_iter().flatten();
     told.map(of_size).chain(boom).collect()
 }
 
-/// All that is wrong, signal by signal: beyond its limit, and told by the log.
+/// Judgements beyond their limits, signal by signal.
 pub fn complaints(found: &Differences) -> Vec<Judgement> {
     judged(found).into_iter().filter(|j| !j.is_right()).collect()
 }
 
-/// What rings loudest above its sensor's scatter is the boom; an oscillation whose fading cannot be told has no frequency to be relied on.
+/// Signal of the boom's oscillation: largest amplitude over sensor noise. An oscillation without an
+/// identified damping has no reliable frequency.
 fn boom(found: &Differences) -> Option<&Difference> {
     let loudness = |d: &&Difference| {
         d.ringing.map_or(0.0, |log| log.amplitude / d.noise.max(f64::MIN_POSITIVE))
@@ -89,7 +92,7 @@ fn boom(found: &Differences) -> Option<&Difference> {
     told.max_by(|a, b| loudness(a).total_cmp(&loudness(b)))
 }
 
-/// What a model is right for, of what the log tells; the signal that is worst decides.
+/// Judgement of each aspect by its worst signal.
 pub fn verdict(found: &Differences) -> Vec<Judgement> {
     let worst = |of: Vec<Judgement>| {
         let share = |j: &Judgement| j.found.abs() / j.limit;
@@ -151,7 +154,7 @@ mod tests {
         let judged = verdict(&found);
         let told: Vec<(Aspect, Signal, bool)> =
             judged.iter().map(|j| (j.aspect, j.signal, j.is_right())).collect();
-        // 2 mm of 400 mm; 3 bar of 80; 5 % of the frequency; a damping of 0.03 for 0.02, which is half more
+        // 2 mm of 400 mm; 3 bar of 80 bar; 5 % of the frequency; damping 0.03 for 0.02, which is half more
         let expected = [
             (Aspect::Position, Signal::Stroke, true),
             (Aspect::Pressures, Signal::PressureB, false),
@@ -159,7 +162,7 @@ mod tests {
             (Aspect::Damping, Signal::PressureA, false),
         ];
         assert_eq!(told, expected);
-        // strongly damped, a frequency cannot be read, and that it is damped more can
+        // with strong damping the frequency is not judged, and the damping is
         let brief = [ringing(3.0, Some(0.04)), ringing(2.2, Some(0.28))];
         let judged = verdict(&vec![difference(Signal::PressureA, 1.0e5, brief)]);
         let told: Vec<Aspect> = judged.iter().map(|j| j.aspect).collect();

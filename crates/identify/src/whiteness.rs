@@ -1,36 +1,39 @@
-//! Whether differences are white noise: their autocorrelations, over what was measured.
+//! Whiteness test of residuals by their autocorrelations.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Autocorrelations are looked at up to this lag \[s\].
+/// Largest lag of the autocorrelations \[s\].
 const LAGS: f64 = 1.0;
 
-/// Sum of products of differences a lag of samples apart, and how many there are. Where nothing was measured there is none: differences on both sides of a gap
-/// are as far apart as their times are.
+/// Sum and number of products of residuals that are `lag` samples apart. Missing samples contribute none
+/// and keep their place in time.
 pub(crate) fn autocovariance(errors: &[Option<f64>], lag: usize) -> (f64, usize) {
     let later = errors.get(lag..).unwrap_or(&[]);
     let pairs = errors.iter().zip(later).filter_map(|(a, b)| Some((*a)? * (*b)?));
     pairs.fold((0.0, 0), |(sum, count), product| (sum + product, count + 1))
 }
 
-/// What autocorrelations say of differences, up to a second.
+/// Result of the whiteness test over lags up to one second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Whiteness {
-    /// Size of the effect: share of autocorrelations beyond what white noise has in nineteen cases of twenty (Bartlett, On the theoretical specification and sampling
-    /// properties of autocorrelated time-series, Suppl. J. R. Stat. Soc. 8, 1946, 27-41).
+    /// Effect size: share of autocorrelations beyond the 95 % bound of white noise (Bartlett, On the
+    /// theoretical specification and sampling properties of autocorrelated time-series, Suppl. J. R. Stat.
+    /// Soc. 8, 1946, 27-41).
     pub(crate) coloured: f64,
-    /// Whether all of them together are no more than white noise has in nineteen cases of twenty: the portmanteau test.
+    /// Whether the portmanteau test over all lags accepts white noise at a level of 5 %.
     pub(crate) is_white: bool,
 }
 
-/// Chance with which white noise is taken for coloured.
+/// Significance level: probability that white noise is rejected.
 const LEVEL: f64 = 0.05;
 
-/// Whether differences are white, samples `interval` apart \[s\]. With fewer than four samples, or none that differ, there is nothing to tell: white.
+/// Whiteness test of residuals sampled at `interval` \[s\]. Fewer than four samples, or constant ones,
+/// count as white.
 ///
-/// The squares of the autocorrelations, each over its variance, sum to a χ² of as many degrees of freedom as lags (Ljung and Box, On a measure of lack of fit in time series
-/// models, Biometrika 65, 1978, 297-303); where samples are missing, of the pairs that there are (Stoffer and Toloi, A note on the Ljung-Box-Pierce portmanteau statistic with
-/// missing data, Stat. Prob. Lett. 13, 1992, 391-396).
+/// The squared autocorrelations over their variances sum to a χ² with as many degrees of freedom as lags
+/// (Ljung and Box, On a measure of lack of fit in time series models, Biometrika 65, 1978, 297-303). With
+/// missing samples the existing pairs count (Stoffer and Toloi, A note on the Ljung-Box-Pierce portmanteau
+/// statistic with missing data, Stat. Prob. Lett. 13, 1992, 391-396).
 pub(crate) fn whiteness(errors: &[Option<f64>], interval: f64) -> Whiteness {
     let count = errors.iter().flatten().count();
     let mean = errors.iter().flatten().sum::<f64>() / count.max(1) as f64;
@@ -62,7 +65,8 @@ mod tests {
         2.0 * (x - x.floor()) - 1.0
     }
 
-    /// White noise, with and without a gap, is called coloured as often as stated; and noise of which each sample keeps a tenth of the last one, with few lags to tell it by, mostly.
+    /// White noise, with and without a gap, is rejected as often as the level states. A first-order
+    /// autoregressive process with a coefficient of 0.1 is mostly detected with few lags.
     #[test]
     fn white_noise_is_called_coloured_in_one_case_of_twenty() {
         let draws = 400;
@@ -85,7 +89,8 @@ mod tests {
         }
     }
 
-    /// A swing of five samples; where every other second is missing, and what is left is put end to end, it would fall out of step and seem white.
+    /// A period of five samples. With every other second missing and the rest joined, its phase would jump
+    /// and it would seem white.
     #[test]
     fn a_swing_is_not_white_though_half_of_it_is_missing() {
         let swing = |k: usize| (std::f64::consts::TAU * k as f64 / 5.03).sin() + 0.1 * white(k);

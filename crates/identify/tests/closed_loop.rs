@@ -1,4 +1,5 @@
-//! Logs of a closed loop: what a controller commanded reaches the crane through its motor's speed, and that is what drives the model.
+//! Logs of a closed loop: the controller's commands reach the crane through the motor speed, which is the
+//! model's input.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -12,7 +13,7 @@ use hydroboom_measurement::{Mapping, Signal, Signals, read};
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// The virtual crane with another payload, and a drive that the model's is not.
+/// Virtual crane with another payload, and with another drive than the model's.
 fn machine() -> Description {
     let mut machine = Description::uia_virtual().unwrap();
     for set in ["payload.mass_kg=270", "drive.bandwidth_hz=35", "drive.dead_time_ms=4"] {
@@ -21,7 +22,8 @@ fn machine() -> Description {
     machine
 }
 
-/// The paper's crane with friction at rest, a typical drive and the machine's fieldbus. Its dead time is no whole number of periods, at which slopes have a kink.
+/// The paper's crane with friction at rest, a typical drive and the machine's fieldbus. Its dead time is no
+/// integer number of periods, where derivatives have a kink.
 fn model() -> Description {
     let mut model = Description::uia_single_boom().unwrap();
     for set in [
@@ -35,7 +37,7 @@ fn model() -> Description {
     model
 }
 
-/// A short motion of the machine under a strategy that knows the model only, as its log shows it.
+/// Log of a short motion of the machine under a strategy that uses the model only.
 fn log_of(strategy: Strategy) -> Experiment {
     let (model, machine) = (model(), machine());
     let fast = machine.motion(machine.numbers.fast);
@@ -81,7 +83,7 @@ fn a_log_of_the_benchmark_and_one_of_the_scheduled_lqr_tell_payload_and_drive() 
         assert!((low..=high).contains(&truth.numbers.payload), "{strategy:?}: {low} to {high} kg");
         let is_near = (payload.value.1 / truth.numbers.payload - 1.0).abs();
         assert!(is_near < 0.06, "{strategy:?}: {} kg", payload.value.1);
-        // of lag and dead time the sum is told best
+        // the sum of lag and dead time is determined best
         let lag = |n: &Numbers<f64>| n.drive_damping / (0.5 * TAU * n.drive_bandwidth);
         let [is, of] = [found.description.numbers, truth.numbers];
         for (is, of) in [
@@ -117,7 +119,7 @@ fn slopes_of_the_motor_speed_are_what_a_little_more_of_each_key_does() {
             let difference = (more[motor] - less[motor]) / (2.0 * little);
             let apart = (row[motor] - difference).abs();
             assert!(apart < 1e-4 * largest, "{}: {} for {difference}", key.path(), row[motor]);
-            // and nothing of the crane depends on it
+            // and no signal of the crane depends on it
             assert!(row[..motor].iter().all(|slope| *slope == 0.0));
         }
     }
@@ -127,6 +129,6 @@ fn slopes_of_the_motor_speed_are_what_a_little_more_of_each_key_does() {
 fn the_motor_speed_is_compared_where_command_and_drive_are_known() {
     let log = log_of(Strategy::BenchmarkClosedLoop);
     assert!(log.is_measured(Signal::MotorSpeed));
-    // a motor that follows at once has no drive to be found
+    // an ideal motor has no free keys
     assert!(Free::of_drive(&Description::uia_single_boom().unwrap()).is_empty());
 }

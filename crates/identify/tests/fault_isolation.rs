@@ -1,4 +1,5 @@
-//! Logs of the model itself with one signal read wrong: that signal is named, and no key of the crane.
+//! Logs of the model itself with one faulty signal: the fault is isolated, and no key of the crane is
+//! proposed.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -17,7 +18,8 @@ fn model() -> &'static Description {
     MODEL.get_or_init(|| Description::uia_single_boom().unwrap())
 }
 
-/// The first 9 s of the model's fast motion, noise on what is compared, each signal's times and values changed.
+/// First 9 s of the model's fast motion with noise on the compared signals, and with each signal's times
+/// and values changed.
 fn log(
     is_there: impl Fn(Signal) -> bool,
     change: impl Fn(Signal, f64, f64) -> (f64, f64),
@@ -41,7 +43,7 @@ fn all(_: Signal) -> bool {
     true
 }
 
-/// What is named as faulty, with nothing left to complain of and no key to move.
+/// The one isolated fault; no difference remains beyond its limit, and no key is proposed.
 fn only(experiment: &Experiment) -> SignalFault {
     let Isolated { faults, mended, left, .. } = isolate(model(), experiment).unwrap();
     let [fault] = &faults[..] else { panic!("{faults:?}") };
@@ -59,7 +61,8 @@ const PRESSURES: [Signal; 5] = [
     Signal::PressureAccumulator,
 ];
 
-/// The model begins with pressures that were read: what is wrong with one moves others too, and is one fault all the same.
+/// The model starts from measured pressures: an error of one affects other signals too and is still one
+/// fault.
 #[test]
 fn an_offset_of_each_pressure_is_its_sensor_s() {
     for signal in PRESSURES {
@@ -73,7 +76,8 @@ fn an_offset_of_each_pressure_is_its_sensor_s() {
     }
 }
 
-/// One that is late beside all others is one delay, not several early sensors; so is one that is early, which a delay that all share looks like.
+/// An input delayed relative to all other signals is one delay, not several advanced sensors. So is an
+/// advanced input, whose effect is the same as a common delay.
 #[test]
 fn a_motor_speed_that_is_late_is_one_delay() {
     for late in [0.02, -0.015] {
@@ -97,7 +101,8 @@ fn a_position_that_is_late_is_no_input_s_delay() {
     assert!(found.found[0].is_late(), "{:?}", found.found[0]);
 }
 
-/// What both sensors of the load pressure show is the load's; without the one beside it an offset is not told from a load.
+/// A difference that both sensors of the load pressure share is due to the load. Without the redundant
+/// sensor an offset is not distinguished from a load.
 #[test]
 fn a_load_is_no_sensor_s_and_a_sensor_alone_may_be_the_load_s() {
     let light = with(model(), "payload.mass_kg", 0.9);

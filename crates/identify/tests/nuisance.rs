@@ -1,4 +1,4 @@
-//! Delay and offset of a log's channels: found beside the keys, where they would otherwise move them.
+//! Delay and offset of a log's channels, fitted together with the keys, which would be biased otherwise.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -33,7 +33,7 @@ fn channel<'a>(found: &'a Fit, path: &str) -> &'a Channel {
     found.channels.iter().find(|c| c.nuisance.path() == path).unwrap()
 }
 
-/// Whether each key's interval holds what it was before, which is the truth here.
+/// Whether each key's interval contains its initial value, which is the truth here.
 fn holds_truth(found: &Fit) -> Vec<bool> {
     let of = found.tuned.iter().map(|t| {
         let (low, high) = t.interval();
@@ -43,17 +43,18 @@ fn holds_truth(found: &Fit) -> Vec<bool> {
     of.collect()
 }
 
-/// With the delay at zero a position that is 20 ms late makes 145 kg of 307.
+/// If the delay were fixed at zero, a position delayed by 20 ms would give a payload of 145 kg instead of
+/// 307 kg.
 #[test]
 fn a_position_that_is_late_moves_its_delay_and_no_key() {
     for late in [20e-3, 4e-3] {
         let channels = [(Signal::Stroke, late, 0.0)];
         let found = tuned(&channels, &[]);
         assert_eq!(holds_truth(&found), [true; 3], "{late} s late");
-        // the published step, of first order, is early by one and a half of itself
+        // the published first-order step is early by one and a half steps
         let delay = channel(&found, "stroke.delay_ms");
         assert!((delay.value - late * 1e3).abs() < 0.5 && delay.is_off(), "{delay:?}");
-        // another log of the same machine is late by the same
+        // another log of the same machine has the same delay
         let other = commanded(&found.description, &channels, 9);
         let rms = |shown: &Prediction| differences(&other, shown)[0].rms;
         let seen = rms(&found.on_another_log(&other).unwrap());
@@ -74,10 +75,10 @@ fn a_transmitter_of_absolute_pressure_is_off_by_an_atmosphere_and_the_payload_is
     let offset = channel(&found, "pressure_a.offset_bar");
     let (low, high) = offset.interval();
     assert!((low..=high).contains(&(ATMOSPHERE * 1e-5)) && offset.value > 0.5, "{offset:?}");
-    // weight and offset of the pressure that carries it are told apart only by the lever arms over the stroke
+    // payload and offset of the load pressure differ only in the lever arm over the stroke
     let (key, correlation) = offset.partner.as_ref().unwrap();
     assert!(key == "payload.mass_kg" && *correlation < -0.3, "{offset:?}");
-    // and so its interval is wide: with the offset at zero it was 312.05 kg within 0.25
+    // the interval is therefore wide: with the offset fixed at zero it was 312.05 kg ± 0.25 kg
     let payload = &found.tuned[0];
     assert!(payload.deviation > 0.01, "{payload:?}");
 }

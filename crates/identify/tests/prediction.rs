@@ -1,4 +1,4 @@
-//! The model beside logs that it made itself: what comes out is known.
+//! Comparison of the model with logs simulated by itself, where the result is known.
 
 mod made;
 
@@ -16,14 +16,15 @@ fn a_log_made_by_the_model_is_predicted_to_its_rounding() {
     let experiment = log_of(&model, 0.0, 1);
     let prediction = predict(&model, &experiment).unwrap();
     for d in differences(&experiment, &prediction) {
-        // nothing between them but their steps, and how the motor's speed runs from sample to sample
+        // the only differences are the integration steps and the interpolation of the motor speed
         let most = if d.signal == Signal::Stroke { 1e-5 } else { 0.03e5 };
         assert!(d.rms < most, "{:?}: {}", d.signal, d.rms);
         assert!(d.correlation.is_none_or(|c| c > 0.999));
     }
 }
 
-/// What a log's motor speed holds for a step is that of the step's middle: held from its beginning, all would be late by 0.25 ms.
+/// The input of a step is the logged motor speed at mid-step; its initial value would delay the model by
+/// 0.25 ms.
 #[test]
 fn a_log_made_by_the_model_is_not_late() {
     let model = Description::uia_single_boom().unwrap();
@@ -65,7 +66,7 @@ fn slopes_are_those_of_finite_differences() {
                 error += (finite - slope[k][signal]).powi(2);
                 size += finite.powi(2);
             }
-            // kinks of valves pass at other times with other parameters
+            // valve kinks occur at other times with other parameters
             let floor = if signal == 0 { 1e-6 } else { 30.0 };
             let count = slope.len() as f64;
             let (error, size) = ((error / count).sqrt(), (size / count).sqrt());
@@ -88,7 +89,7 @@ fn what_is_wrong_with_a_model_is_among_the_remedies() {
         let remedy =
             list.iter().find(|r| r.path == key).unwrap_or_else(|| panic!("{key}: {list:?}"));
         assert!((remedy.change - (1.0 / 0.95 - 1.0)).abs() < 0.02, "{remedy:?}");
-        // one advice for all signals: a key is named once, and what is judged is nearer then as a whole
+        // one list for all signals: each key occurs once and improves the judged quantities as a whole
         let names: std::collections::BTreeSet<&str> =
             list.iter().map(|r| r.path.as_str()).collect();
         assert_eq!(names.len(), list.len(), "{list:?}");
@@ -96,12 +97,12 @@ fn what_is_wrong_with_a_model_is_among_the_remedies() {
     }
 }
 
-/// What is recorded, neither late nor off.
+/// Recorded signals without delay and offset.
 const POSITION_AND_PRESSURE: [(Signal, f64, f64); 2] =
     [(Signal::Stroke, 0.0, 0.0), (Signal::PressureA, 0.0, 0.0)];
 
-/// A boom that is a fifth softer than the crane's: what is complained of is the frequency, too. At half the speed the boom rings on for long; at full speed it fades so
-/// fast that its frequency is not judged.
+/// A boom softer by a fifth than the crane's shows in the frequency too. At half the speed the boom
+/// oscillates for long; at full speed the damping is too strong for the frequency to be judged.
 #[test]
 fn a_frequency_that_is_off_names_keys_that_move_the_frequency() {
     let truth = Description::uia_single_boom().unwrap();
@@ -116,7 +117,7 @@ fn a_frequency_that_is_off_names_keys_that_move_the_frequency() {
     assert!((after - wanted).abs() < 0.3 * (before - wanted).abs(), "{best:?}");
 }
 
-/// What is far off is found as far off as it is: not at the end of the straight step.
+/// A large error is found in full size, beyond the linear step.
 #[test]
 fn a_load_that_is_a_third_is_found_a_third() {
     let model = Description::uia_single_boom().unwrap();
@@ -127,14 +128,15 @@ fn a_load_that_is_a_third_is_found_a_third() {
     assert!((payload.change + 0.7).abs() < 0.1, "{list:?}");
 }
 
-/// What is within its limit asks for no key.
+/// A quantity within its limit leads to no proposal.
 #[test]
 fn a_model_beside_its_own_log_has_no_remedies() {
     let model = Description::uia_single_boom().unwrap();
     assert!(remedies(&model, &log_of(&model, 0.0, 1)).unwrap().1.is_empty());
 }
 
-/// Whatever the interval of the log, model and log are compared every 5 ms; noise is that of the log's own samples.
+/// Model and log are compared every 5 ms at any interval of the log; the noise is that of the log's own
+/// samples.
 #[test]
 fn white_noise_is_found_as_large_as_it_is_at_any_sampling_rate() {
     let model = Description::uia_single_boom().unwrap();

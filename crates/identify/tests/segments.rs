@@ -1,4 +1,4 @@
-//! A log whose clock was set, or that lost samples, is compared segment by segment.
+//! A log with a clock jump or missing samples is compared segment by segment.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -11,7 +11,7 @@ use hydroboom_measurement::{Mapping, Signal, Signals, read};
 use hydroboom_model::Scheme;
 use std::path::PathBuf;
 
-/// A simulated motion, its times changed row by row; rows without a time are left out.
+/// Experiments of a simulated motion with changed times; rows without a time are omitted.
 fn experiments(name: &str, time: impl Fn(f64) -> Option<f64>) -> (Description, Vec<Experiment>) {
     let model = Description::uia_single_boom().unwrap();
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -40,7 +40,7 @@ fn experiments(name: &str, time: impl Fn(f64) -> Option<f64>) -> (Description, V
     (model, each)
 }
 
-/// Largest RMS of the position \[m\], and duration of all \[s\].
+/// Largest RMS difference of the position \[m\], and total duration \[s\].
 fn compared(model: &Description, each: &[Experiment]) -> (f64, f64) {
     let stroke = COMPARED.iter().position(|s| *s == Signal::Stroke).unwrap();
     let rms = |experiment: &Experiment| {

@@ -1,5 +1,5 @@
-//! Draws of virtual cranes, the plant with its equipment, which have what the model leaves out: a motion of each, the model tuned to it, and how often the
-//! intervals hold the truth.
+//! Draws of virtual cranes: the plant with its equipment, which contains effects that the model omits. Each
+//! draw has a motion, the model tuned to it, and the coverage of the intervals.
 
 #![expect(clippy::unwrap_used, reason = "what cannot set up has failed")]
 
@@ -11,7 +11,7 @@ use hydroboom_lab::virtual_run::{self, Contents, LogOrder, virtual_run};
 use hydroboom_measurement::{Mapping, Signals, read};
 use rayon::prelude::*;
 
-/// What is moved.
+/// Free keys.
 pub const KEYS: [&str; 8] = [
     "payload.mass_kg",
     "friction.coulomb_n",
@@ -23,18 +23,18 @@ pub const KEYS: [&str; 8] = [
     "oil.transition_bar",
 ];
 
-/// What became of one key over all draws.
+/// Results of one key over all draws.
 #[derive(Clone, Default)]
 pub struct Row {
-    /// Draws in which it is called determined, and of those the intervals that hold the truth.
+    /// Draws in which it is determined, and those of them whose interval contains the truth.
     pub determined: [u32; 2],
-    /// Draws in which it is called not determined.
+    /// The same for draws in which it is not determined.
     pub open: [u32; 2],
-    /// Draws in which it is called biased.
+    /// The same for draws in which it is marked as biased.
     pub biased: [u32; 2],
-    /// Why it is biased.
+    /// Reason for the bias.
     pub reason: &'static str,
-    /// Sum of deviations of ln θ.
+    /// Sum of standard deviations of ln θ.
     pub deviations: f64,
 }
 
@@ -58,17 +58,17 @@ pub fn coverage(seed: u64, draws: std::ops::Range<u64>) -> Vec<Row> {
     rows
 }
 
-/// What became of one key in one draw.
+/// Result of one key in one draw.
 #[derive(Clone, Copy)]
 struct Outcome {
     deviation: f64,
     biased: Option<&'static str>,
     is_determined: bool,
-    /// Whether the interval holds the truth.
+    /// Whether the interval contains the truth.
     holds: bool,
 }
 
-/// One crane of a seed: its motion, the model tuned to it, and each key beside its truth.
+/// One crane of a seed: its motion, the model tuned to it, and each key compared with its truth.
 fn draw(seed: u64, k: u64) -> [Outcome; KEYS.len()] {
     let mut model = Description::uia_single_boom().unwrap();
     model.set("friction.law=lugre").unwrap();
@@ -110,8 +110,8 @@ fn draw(seed: u64, k: u64) -> [Outcome; KEYS.len()] {
     })
 }
 
-/// What the model's keys are of a crane: at the temperature of its oil, and of those that show only as a product with one that stays, with that as the
-/// model has it.
+/// True values of the model's keys for a crane, at its oil temperature. Of a product with a fixed key, only
+/// the product is observable: the fixed factor is then the model's.
 fn as_of_model(crane: &Description, model: &Description) -> Description {
     let mut there = crane.clone();
     let n = &mut there.numbers;
@@ -123,7 +123,7 @@ fn as_of_model(crane: &Description, model: &Description) -> Description {
     there
 }
 
-/// A number of the normal distribution, within two deviations.
+/// Normally distributed number, truncated at two standard deviations.
 fn normal(seed: u64, number: u64) -> f64 {
     let mut state = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15)) | 1;
     let mut uniform = || {

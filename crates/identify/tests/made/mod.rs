@@ -1,4 +1,4 @@
-//! Logs made by a model.
+//! Logs simulated with a model.
 
 #![allow(dead_code, reason = "each test uses a part")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
@@ -12,7 +12,7 @@ use hydroboom_model::Scheme;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// The same description with a key multiplied.
+/// The description with a key multiplied by a factor.
 pub fn with(model: &Description, path: &str, factor: f64) -> Description {
     let place = KEYS.iter().position(|key| key.path() == path).unwrap();
     let mut numbers = model.numbers.to_array();
@@ -22,8 +22,8 @@ pub fn with(model: &Description, path: &str, factor: f64) -> Description {
     changed
 }
 
-/// A log of the model under velocity feedforward at its fast speed, its sensors scattering by a share of what
-/// real ones do.
+/// Log of the model under velocity feedforward at its fast speed, with sensor noise of a share of the real
+/// one.
 pub fn log_of(model: &Description, noise: f64, seed: u64) -> Experiment {
     log_at(model, model.numbers.fast, noise, seed)
 }
@@ -32,9 +32,9 @@ pub fn log_of(model: &Description, noise: f64, seed: u64) -> Experiment {
 pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experiment {
     let settings = Settings {
         start_stroke: model.numbers.motion_start,
-        // the published scheme damps a little by itself, which would be found as friction
+        // the numerical damping of the published scheme would be identified as friction
         scheme: Scheme::Implicit,
-        // short beside the model's own, so that it is the model's that shows
+        // short compared with the step of the model under test, so that only that one's error shows
         step: 2.5e-5,
         log_interval: 1e-3,
         preloaded: true,
@@ -43,8 +43,8 @@ pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experim
     Experiment::new(model, &log, &signals, Window::default()).unwrap()
 }
 
-/// What `hydroboom simulate` records at the fast speed with noise on it: some channels, each as late \[s\] and as much off \[SI\] as
-/// asked for, the first 9 s of it.
+/// First 9 s of a log by `hydroboom simulate` at the fast speed with noise. `channels`: recorded signals,
+/// each with its delay \[s\] and offset \[SI\].
 pub fn commanded(model: &Description, channels: &[(Signal, f64, f64)], seed: u64) -> Experiment {
     let settings = Settings {
         start_stroke: model.numbers.motion_start,
@@ -65,7 +65,7 @@ pub fn commanded(model: &Description, channels: &[(Signal, f64, f64)], seed: u64
     Experiment::new(model, &log, &signals, Window { from: None, to: Some(9.0) }).unwrap()
 }
 
-/// The model's fast motion without noise, a sample every millisecond.
+/// Fast motion of the model without noise, sampled every millisecond.
 pub fn clean(model: &Description) -> (Measurement, Signals) {
     let settings = Settings {
         start_stroke: model.numbers.motion_start,
@@ -77,7 +77,7 @@ pub fn clean(model: &Description) -> (Measurement, Signals) {
     recorded(model, model.numbers.fast, &settings, 0.0, 1)
 }
 
-/// Every so many samples of signals, with white noise on what is compared: 0.02 mm and 0.1 bar.
+/// Signals decimated by `every`, with white noise on the compared ones: 0.02 mm and 0.1 bar.
 pub fn sampled(signals: &Signals, every: usize, seed: u64) -> Signals {
     let mut normal = normal(seed);
     let mut sampled = Signals::default();
@@ -92,7 +92,7 @@ pub fn sampled(signals: &Signals, every: usize, seed: u64) -> Signals {
     sampled
 }
 
-/// Noise of a sensor \[m or Pa\].
+/// Standard deviation of a sensor's noise \[m or Pa\].
 pub fn scatter(signal: Signal) -> f64 {
     if signal == Signal::Stroke { 2e-5 } else { 0.1e5 }
 }
@@ -109,7 +109,7 @@ fn normal(seed: u64) -> impl FnMut() -> f64 {
     move || (-2.0 * uniform().max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
 }
 
-/// A log of the model under velocity feedforward, noise on what is compared.
+/// Log of the model under velocity feedforward with noise on the compared signals.
 fn recorded(
     model: &Description,
     speed: f64,
