@@ -1,4 +1,4 @@
-//! Gains of the benchmark controller: `hydroboom design --benchmark`, and those that a comparison takes.
+//! Gains of the benchmark controller: `hydroboom design --benchmark`, and the gains used in comparisons.
 
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
@@ -13,7 +13,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
 use toml_edit::DocumentMut;
 
-/// Reads `LOW:HIGH`.
+/// Parses `LOW:HIGH`.
 pub fn payloads(text: &str) -> Result<[f64; 2], String> {
     let read = || {
         let (low, high) = text.split_once(':')?;
@@ -23,7 +23,7 @@ pub fn payloads(text: &str) -> Result<[f64; 2], String> {
     read().ok_or_else(|| format!("payloads are LOW:HIGH in kg, such as 0:370, not {text}"))
 }
 
-/// Finds gains for a crane, prints them beside its own, and writes them into a copy of its file.
+/// Designs gains for a crane, prints them with the present ones, and writes them into a copy of its file.
 pub fn run(
     crane: &CraneFile,
     description: &Description,
@@ -107,7 +107,8 @@ fn write_gains(document: &mut DocumentMut, design: &BenchmarkDesign) {
     }
 }
 
-/// Text of the paper's crane file with gains that are designed for it: its own are unstable with an empty hook.
+/// Text of the paper's crane file with gains designed for it. Its own gains are unstable with an empty
+/// hook.
 pub fn tuned_text(crane: &Description) -> Result<String> {
     let design = benchmark_design(crane, payload_range(crane)).into_diagnostic()?;
     let mut document: DocumentMut = UIA_SINGLE_BOOM.parse().into_diagnostic()?;
@@ -115,7 +116,7 @@ pub fn tuned_text(crane: &Description) -> Result<String> {
     Ok(document.to_string())
 }
 
-/// Whether the gains are those that a new file is filled in with, untouched.
+/// Whether the gains are the unedited placeholders of a new file.
 fn are_placeholders(model: &Description, gains: &Gains) -> bool {
     let is_placeholder = |path: &str| {
         let mut entries = model.entries();
@@ -124,14 +125,14 @@ fn are_placeholders(model: &Description, gains: &Gains) -> bool {
     gains.keys().iter().all(|(path, _)| is_placeholder(path))
 }
 
-/// Whether a comparison takes designed gains in their place: placeholders, and the paper's.
+/// Whether a comparison may replace the gains by designed ones: placeholders, and the paper's gains.
 fn are_replaceable(model: &Description) -> Result<bool> {
     let gains = Gains::of(model);
     Ok(are_placeholders(model, &gains) || gains == Gains::of(&Description::uia_single_boom()?))
 }
 
-/// Why the benchmark's gains do not count as tuned for payloads \[kg\], if they do not: they are placeholders, or those of another crane than the paper's that leave too
-/// little margin.
+/// Reason why the benchmark's gains are not tuned for payloads \[kg\], if any. They are placeholders, or a
+/// crane other than the paper's has too small margins with them.
 fn why_untuned(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     if are_placeholders(model, &Gains::of(model)) {
         return Ok(Some("they are placeholders".into()));
@@ -143,7 +144,7 @@ fn why_untuned(model: &Description, payload: [f64; 2]) -> Result<Option<String>>
     }
 }
 
-/// What the margins of the benchmark's gains are with payloads \[kg\], where they are too little for gains that are tuned.
+/// Description of the benchmark's margins with payloads \[kg\], if they are too small for tuned gains.
 pub fn too_little_margin(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     let own = worst_margins(model, payload).into_diagnostic()?;
     let peak = model.numbers.benchmark_untuned_peak;
@@ -157,7 +158,7 @@ pub fn too_little_margin(model: &Description, payload: [f64; 2]) -> Result<Optio
     })
 }
 
-/// What is to be said of the crane file's gains where they are kept and a comparison would not: with payloads \[kg\].
+/// Remark if the crane file's gains are used with payloads \[kg\] although a comparison would replace them.
 pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     let said = why_untuned(model, payload)?;
     Ok(said.map(|said| {
@@ -169,7 +170,7 @@ pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     }))
 }
 
-/// What stands as the source of gains.
+/// Source text of designed gains.
 fn source(design: &BenchmarkDesign) -> String {
     format!(
         "hydroboom design --benchmark: largest K_i with M_s <= {} for payloads of {:.0} to {:.0} kg over the stroke",
@@ -177,8 +178,9 @@ fn source(design: &BenchmarkDesign) -> String {
     )
 }
 
-/// The benchmark's gains in a comparison with payloads \[kg\]. Designed ones take the place of placeholders, which are for all payloads, and of the paper's
-/// on another crane that is not tuned with them. What is to be said of that, if anything.
+/// Machine choice with the benchmark's gains for a comparison with payloads \[kg\], and a remark on a
+/// replacement. Designed gains replace placeholders for all payloads. They also replace the paper's gains
+/// on another crane with too small margins.
 pub fn for_comparison(
     choice: MachineChoice,
     payload: [f64; 2],

@@ -111,12 +111,12 @@ impl Bounds {
     }
 }
 
-/// An error with three digits, and zero below a millionth of a millimetre.
+/// Error with three digits; zero below a millionth of a millimetre.
 fn millimetres(mm: f64) -> String {
     if mm < 1e-6 { "0".into() } else { output::three_digits(mm) }
 }
 
-/// The course in a sentence.
+/// Course as part of a sentence.
 fn course_name(course: &str) -> String {
     match course.ends_with("mm/s") {
         true => format!("its motion out and back at {course}"),

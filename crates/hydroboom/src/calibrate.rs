@@ -66,7 +66,7 @@ impl Calibrate {
         let heading = format!("{:016x}", fingerprint(&template_text));
         let mut journal = Journal::open(&path, &heading).into_diagnostic()?;
 
-        // every iteration of the local search looks along each parameter
+        // every iteration of the local search evaluates one point per parameter
         let local = effort.iterations * (PARAMETERS.len() + 2) + PARAMETERS.len();
         let expected = effort.generations * effort.population + local;
         let bar = ProgressBar::new(expected as u64).with_style(
@@ -82,7 +82,7 @@ impl Calibrate {
         let crane_file = found.crane_file(&template_text).into_diagnostic()?;
         drop(journal);
         if output::file(&self.out, crane_file.as_bytes()) {
-            // the result is written; nothing is left to go on with
+            // the result is written, so that the journal is not needed any more
             std::fs::remove_file(&path).into_diagnostic()?;
         }
         match self.json {
@@ -95,14 +95,14 @@ impl Calibrate {
     }
 }
 
-/// Where the journal of a crane file lies that none is named for.
+/// Default path of the journal, next to the crane file.
 fn beside(out: &Path) -> PathBuf {
     let mut path = out.as_os_str().to_owned();
     path.push(".journal");
     path.into()
 }
 
-/// Shows what one key does to every published result.
+/// Prints the effect of one key on every published result.
 fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -> Result<()> {
     let wrong = || miette::miette!("--trade-off is KEY=VALUE,VALUE,..., not \"{asked}\"");
     let (key, values) = asked.split_once('=').ok_or_else(wrong)?;
@@ -111,7 +111,7 @@ fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -
         .map(|value| value.trim().parse::<f64>().map_err(|_| wrong()))
         .collect::<Result<Vec<_>>>()?;
     for value in &values {
-        // what is wrong with it is said with the key's range and what was probably meant
+        // an invalid value is reported with the key's range and a suggestion
         crane.clone().set(&format!("{key}={value}"))?;
     }
     let bar = ProgressBar::new(values.len() as u64);
@@ -147,7 +147,7 @@ fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -
     ))
 }
 
-/// Tells one template from another (Fowler, Noll and Vo's hash).
+/// Fingerprint of a template (Fowler-Noll-Vo hash).
 fn fingerprint(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)

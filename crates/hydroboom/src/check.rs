@@ -101,7 +101,7 @@ impl Check {
         }
         let expected: Vec<LoopStability> =
             loops.iter().filter_map(|(_, of)| of.as_ref().ok().cloned()).collect();
-        // a loop that cannot be computed is told above
+        // an error of the loops is reported above
         let on_ideal = unstable_on_ideal_equipment(&description, &expected).unwrap_or_default();
         remarks.extend(remark_on_ideal_equipment(&on_ideal));
         if self.json {
@@ -140,7 +140,8 @@ impl Check {
         ))
     }
 
-    /// The same for a crane on a valve: what it stands at with the valve closed, and how fast the valve moves it.
+    /// The same for a valve-controlled crane: state of rest with the valve closed, and speeds that the
+    /// valve gives.
     fn valve_controlled<const N: usize>(&self, description: &Description) -> Result<()> {
         let n = &description.numbers;
         let crane = description.valve_crane_over::<f64, N>(n).into_diagnostic()?;
@@ -190,18 +191,19 @@ impl Check {
     }
 }
 
-/// The warnings of a description, and what was found beside them.
+/// Warnings of a description and further remarks.
 fn all(description: &Description, remarks: Vec<String>) -> Vec<String> {
     description.warnings().into_iter().chain(remarks).collect()
 }
 
-/// Where gains are found.
+/// Advice on the gains.
 const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
 
-/// Share of the largest bulk modulus below which oil is soft.
+/// Share of the largest bulk modulus below which the oil is soft.
 const SOFT: f64 = 0.9;
 
-/// What is found of a crane at rest, by piston position \[m\] and pressure on the piston side \[Pa\]: oil that is soft where it bears the load.
+/// Remarks on a crane at rest, by piston position \[m\] and piston-side pressure \[Pa\]: soft oil at the
+/// pressure of the load.
 fn found(description: &Description, pressures: &[(f64, f64)]) -> Vec<String> {
     let n = &description.numbers;
     let oil = description.oil();

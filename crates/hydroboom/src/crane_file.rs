@@ -1,4 +1,4 @@
-//! The options that choose a crane.
+//! Options that select a crane.
 
 use crate::paths::InputFile;
 use crate::{origin, output};
@@ -23,12 +23,12 @@ pub struct CraneFile {
 }
 
 impl CraneFile {
-    /// Whether the crane is an embedded one, overrides or not.
+    /// Whether the crane is an embedded one, with or without overrides.
     pub fn is_embedded(&self) -> bool {
         self.crane.is_none()
     }
 
-    /// Whether the crane is the paper's, overrides applied. The paper's figures stand beside no other.
+    /// Whether the crane with its overrides is the paper's. The paper's values are shown for no other.
     pub fn is_papers_crane(&self) -> Result<bool> {
         let mut crane = match &self.crane {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
@@ -38,39 +38,39 @@ impl CraneFile {
         Ok(paper::is_its_crane(&crane))
     }
 
-    /// The crane file that is named, if one is.
+    /// Path of the crane file, if one is named.
     pub fn path(&self) -> Option<&Path> {
         self.crane.as_deref()
     }
 
-    /// The options again, for another process.
+    /// The options as arguments for another process.
     pub fn arguments(&self) -> Vec<OsString> {
         let crane = self.crane.iter().flat_map(|path| ["--crane".into(), path.as_os_str().into()]);
         crane.chain(self.set.iter().flat_map(|set| ["--set".into(), set.into()])).collect()
     }
 
-    /// The text of the crane file, the paper's where none is given.
+    /// Text of the crane file; the paper's by default.
     pub fn text(&self) -> Result<String> {
         self.crane.as_deref().map_or_else(|| Ok(UIA_SINGLE_BOOM.into()), text)
     }
 
-    /// The overrides, as they were given.
+    /// Overrides as entered.
     pub fn overrides(&self) -> &[String] {
         &self.set
     }
 
-    /// Whether keys are overridden.
+    /// Whether there are overrides.
     pub fn is_overridden(&self) -> bool {
         !self.set.is_empty()
     }
 
-    /// Reads the crane, the paper's where none is given, applies the overrides, and says what looks
-    /// wrong. A crane with another circuit than the paper's is refused: most experiments are of its pump.
+    /// Reads the crane, the paper's by default, applies the overrides, and prints warnings. A
+    /// valve-controlled crane is refused, because most experiments need the pump.
     pub fn read(&self) -> Result<Description> {
         self.read_or(Description::uia_single_boom)
     }
 
-    /// The same with another crane where none is given.
+    /// The same with another default.
     pub fn read_or(
         &self,
         embedded: impl FnOnce() -> Result<Description, DescriptionError>,
@@ -78,7 +78,7 @@ impl CraneFile {
         self_contained(self.read_any_or(embedded)?)
     }
 
-    /// Reads a crane of any circuit.
+    /// Reads a crane with any circuit.
     pub fn read_any(&self) -> Result<Description> {
         self.read_any_or(Description::uia_single_boom)
     }
@@ -122,15 +122,15 @@ pub fn self_contained(description: Description) -> Result<Description> {
 /// Name of the paper's crane in its embedded file.
 const UIA_NAME: &str = "UiA single boom";
 
-/// Longest crane file, mapping or survey that is read \[B\].
+/// Longest crane file, mapping or survey \[B\].
 const LONGEST: u64 = 4_000_000;
 
-/// The text of a crane file.
+/// Text of a crane file.
 pub fn text(path: &Path) -> Result<String> {
     text_of(path, "crane file")
 }
 
-/// The text of a file that people write; `what` says what it is.
+/// Text of a file written by a user; `what` names its kind.
 pub fn text_of(path: &Path, what: &'static str) -> Result<String> {
     let text = hydroboom_files::text(path, what, LONGEST).into_diagnostic()?;
     origin::read(what, path, &text);

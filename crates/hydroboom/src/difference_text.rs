@@ -1,4 +1,4 @@
-//! What a difference of log and model looks like, and what would move it, in words.
+//! Text on the difference between log and model, and on the keys that would reduce it.
 
 use crate::output::three_digits;
 use hydroboom_identify::{
@@ -7,19 +7,19 @@ use hydroboom_identify::{
 };
 use hydroboom_measurement::Signal;
 
-/// What is said of a signal among the others.
+/// Context of a signal's difference.
 pub struct Context<'a> {
-    /// Differences of all signals, as they were read.
+    /// Differences of all signals as measured.
     pub found: &'a Differences,
-    /// What of them is beyond its limit.
+    /// Judgements beyond their limits.
     pub complaints: &'a [Judgement],
     /// Faults of signals.
     pub faults: &'a [SignalFault],
-    /// Differences that are left without the faults that the log tells.
+    /// Differences after correction of the isolated faults.
     pub left: &'a Differences,
 }
 
-/// What looks wrong with a signal.
+/// Description of a signal's difference.
 pub fn said(d: &Difference, context: &Context<'_>) -> String {
     let (unit, size) = d.signal.shown();
     let symbol = d.signal.symbol();
@@ -32,7 +32,7 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     }
     let own: Vec<&Judgement> = context.complaints.iter().filter(|j| j.signal == d.signal).collect();
     let is_scatter = d.rms < LIMITS.hardly_more * d.noise && d.coloured < LIMITS.nearly_white;
-    // an offset is no noise, whatever is left about it
+    // white noise about an offset is not noise alone
     let is_noise =
         (d.is_white || is_scatter) && d.bias.abs() < d.noise.max(LIMITS.least_offset * size);
     if own.is_empty() && is_noise {
@@ -49,7 +49,7 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     if let Some(fault) = context.faults.iter().find(|fault| fault.signal == d.signal) {
         return said + &of_sensor(fault);
     }
-    // of a delay that is said already
+    // a delay that is reported already is not repeated
     let is_said = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
     let causes = context.faults.iter().filter(|fault| fault.is_told() && !is_said(fault));
     let causes: Vec<&SignalFault> =
@@ -67,7 +67,7 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     said
 }
 
-/// A fault by its name: "offset of p_B".
+/// Name of a fault: "offset of p_B".
 fn named(fault: &SignalFault) -> String {
     let what = match fault.fault {
         Fault::Offset(_) => "offset",
@@ -77,7 +77,7 @@ fn named(fault: &SignalFault) -> String {
     format!("{what} of {}", fault.signal.symbol())
 }
 
-/// Symbols one after the other, the last one with "and".
+/// Symbols separated by commas and a final "and".
 fn listed(signals: &[Signal]) -> String {
     let symbols: Vec<&str> = signals.iter().map(|signal| signal.symbol()).collect();
     match symbols.split_last() {
@@ -86,7 +86,7 @@ fn listed(signals: &[Signal]) -> String {
     }
 }
 
-/// What a delay of an input would explain: one cause for all signals that follow it.
+/// Description of an input delay, one cause for all signals that follow the input.
 pub fn of_input(fault: &SignalFault) -> Option<String> {
     let Fault::Delay(late) = fault.fault else { return None };
     let way = if late > 0.0 { "late" } else { "early" };
@@ -116,7 +116,7 @@ pub fn of_input(fault: &SignalFault) -> Option<String> {
     ))
 }
 
-/// What a constant error of a signal's sensor would explain.
+/// Description of a constant sensor error.
 fn of_sensor(error: &SignalFault) -> String {
     let (unit, size) = error.signal.shown();
     let (what, mapping) = match error.fault {
@@ -165,10 +165,10 @@ fn of_sensor(error: &SignalFault) -> String {
     )
 }
 
-/// What a key moves by a smaller share of what it was is not told.
+/// Smallest relative change of a quantity by a key that is reported.
 const MOVED: f64 = 0.01;
 
-/// One list of advice for all signals together.
+/// Advice for all signals together.
 pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> Option<String> {
     if complaints.is_empty() || !is_asked {
         return None;
@@ -193,7 +193,7 @@ pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> 
     ))
 }
 
-/// What a key does to one thing that is judged.
+/// Description of a key's effect on one judged quantity.
 fn moved(of: &Moved) -> String {
     let ((before, after), symbol) = (of.found, of.signal.symbol());
     match of.aspect {
@@ -214,7 +214,7 @@ fn moved(of: &Moved) -> String {
     }
 }
 
-/// Whether anything is complained of that keys could move: not what a late sensor or a clock explains.
+/// Whether a judgement beyond its limit could be due to keys and not to a delayed sensor or a clock.
 pub fn asks_for_keys(left: &Differences) -> bool {
     let is_other = |j: &Judgement| {
         let is_size = matches!(j.aspect, Aspect::Position | Aspect::Pressures);
@@ -224,7 +224,7 @@ pub fn asks_for_keys(left: &Differences) -> bool {
     complaints(left).iter().any(|j| !is_other(j))
 }
 
-/// What is to be said of a model that leaves what it holds for; `highest` is its highest pressure \[Pa\].
+/// Warning for a simulation beyond the model's range of validity; `highest` is its largest pressure \[Pa\].
 pub fn beyond(highest: f64) -> Option<String> {
     (highest > LIMITS.highest_pressure).then(|| {
         format!(
@@ -234,7 +234,7 @@ pub fn beyond(highest: f64) -> Option<String> {
     })
 }
 
-/// Offset, drift and scale.
+/// Description of offset, drift and scale.
 fn explained(d: &Difference) -> Vec<String> {
     let (unit, size) = d.signal.shown();
     let Some(found) = d.parts else { return Vec::new() };
@@ -262,7 +262,7 @@ fn explained(d: &Difference) -> Vec<String> {
     parts
 }
 
-/// A delay, or a clock that drifts.
+/// Description of a delay or a clock drift.
 fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     if let (true, Some([first, second]), Some(drift)) = (d.is_of_clock(), d.delay_halves, d.drift) {
         return vec![format!(
@@ -291,9 +291,9 @@ fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     vec![format!("comes {:.1} ms {way}, which is most of it{why}", delay.abs() * 1e3)]
 }
 
-/// How log and model ring, where that is beyond its limit.
+/// Description of the oscillations of log and model beyond their limits.
 fn rings(d: &Difference, own: &[&Judgement]) -> Vec<String> {
-    // an oscillation whose fading cannot be told has no frequency that could be relied on either
+    // an oscillation without an identified damping has no reliable frequency
     let told = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
     let (Some(log), Some(model)) = (told(d.ringing), told(d.model_ringing)) else {
         return Vec::new();
@@ -302,7 +302,7 @@ fn rings(d: &Difference, own: &[&Judgement]) -> Vec<String> {
     let is_same_mode = (low..high).contains(&(log.frequency / model.frequency - 1.0));
     let (of_log, of_model) = (log.frequency, model.frequency);
     let of = |j: &&Judgement| match (j.aspect, log.damping, model.damping) {
-        // so far off it need not be the same mode
+        // with such a difference it may not be the same mode
         (Aspect::Frequency, ..) if !is_same_mode => Some(format!(
             "rings at {of_log:.2} Hz, the model at {of_model:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates"
         )),
@@ -332,7 +332,7 @@ mod tests {
         Part { value, share }
     }
 
-    /// A load pressure that is 5 bar off, which is beyond its limit.
+    /// Load pressure with a difference of 5 bar, which is beyond its limit.
     fn difference() -> Difference {
         Difference {
             signal: Signal::PressureA,
@@ -381,7 +381,7 @@ mod tests {
         assert!(of(-1.4).contains("moves against the model"), "{}", of(-1.4));
     }
 
-    /// White about an offset: the offset is no scatter.
+    /// A white residual about an offset: the offset is not sensor noise.
     #[test]
     fn an_offset_is_not_taken_for_noise() {
         let white =
@@ -392,7 +392,7 @@ mod tests {
         assert!(read(&off, &[]).contains("5.00 bar"), "{}", read(&off, &[]));
     }
 
-    /// A payload at 9 m rings at 0.82 Hz where the model rings at 2.25 Hz: that need be nothing else that vibrates.
+    /// A payload at 9 m oscillates at 0.82 Hz instead of 2.25 Hz, which is no other source of vibration.
     #[test]
     fn a_frequency_that_is_far_off_may_be_the_load_s() {
         let far = Difference { ringing: rings(0.82), model_ringing: rings(2.25), ..difference() };
@@ -403,7 +403,8 @@ mod tests {
         assert!(read(&near, &[]).contains("softer, or heavier, than"), "{}", read(&near, &[]));
     }
 
-    /// Damped so strongly that it passes not even two periods: no frequency is compared, and the damping is.
+    /// Damping so strong that there are less than two periods: the frequencies are not compared, the
+    /// dampings are.
     #[test]
     fn a_frequency_that_cannot_be_read_is_not_compared() {
         let brief = Some(Ringing { frequency: 2.36, damping: Some(0.28), amplitude: 1e5 });
@@ -430,7 +431,7 @@ mod tests {
             "{text}"
         );
         assert!(text.ends_with("if it is no matter of the crane."), "{text}");
-        // no keys are asked for where nothing is left
+        // without remaining differences no key is searched
         assert!(asks_for_keys(&vec![difference()]));
         assert!(advice(&complaints(&vec![difference()]), &[], false).is_none());
     }

@@ -34,7 +34,7 @@ impl Eigen {
                 Err(error) => failed.push((*stroke, error)),
             }
         }
-        // one stroke does not take the others along
+        // an error at one stroke does not affect the others
         if rows.is_empty()
             && let Some((_, error)) = failed.pop()
         {
@@ -61,10 +61,10 @@ impl Eigen {
     }
 }
 
-/// Oscillation and linearisation that differ by less than this are the same.
+/// Relative difference below which oscillation and linearisation agree.
 const SAME: f64 = 0.005;
 
-/// Why the columns differ.
+/// Explanation of the difference between the columns.
 fn difference(description: &Description, rows: &[eigenfrequency::Row]) -> String {
     let apart = |row: &eigenfrequency::Row| {
         row.frictionless_hz.map(|hz| (hz / row.linearised_hz - 1.0).abs())
@@ -103,7 +103,7 @@ fn difference(description: &Description, rows: &[eigenfrequency::Row]) -> String
     )
 }
 
-/// Every oscillatory mode with its shape.
+/// All oscillatory modes with their mode shapes.
 fn shapes(description: &Description, rows: &[eigenfrequency::Row]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
@@ -119,7 +119,7 @@ fn shapes(description: &Description, rows: &[eigenfrequency::Row]) -> String {
             ]
         })
         .collect();
-    // an elastic base is one more coordinate, the last
+    // an elastic base adds a coordinate, the last one
     let angles = match description.numbers.base_stiffness > 0.0 {
         true => "angles of the segments, and of the base",
         false => "segments' angles",

@@ -44,7 +44,7 @@ impl Energy {
     }
 }
 
-/// The audits as a table.
+/// Table of the energy balances.
 pub fn table(audits: &[Audit]) -> String {
     let rows: Vec<Vec<String>> = audits
         .iter()
@@ -72,7 +72,7 @@ pub fn table(audits: &[Audit]) -> String {
     format!("Energy over one fast cycle\n{}\n{PUMP_WORK}", output::table(&header, &rows))
 }
 
-/// Damping and order of the schemes as a table.
+/// Table of numerical damping and order of the schemes.
 pub fn damping_table(schemes: &[NumericalDamping]) -> String {
     let rows: Vec<Vec<String>> = schemes
         .iter()

@@ -19,7 +19,7 @@ use serde_json::json;
 /// Names of the motion at both speeds.
 const SLOW: &str = "slow";
 const FAST: &str = "fast";
-/// Eight hours: not among the courses unless it is named.
+/// Scenario of eight hours, which is run only if named.
 const SHIFT: &str = "shift";
 
 /// Is the state estimator consistent: are innovations and errors on virtual cranes of the size that its covariance says?
@@ -58,7 +58,7 @@ impl Estimator {
         let (model, nominal) = (&choice.model, &choice.machine);
         let courses = self.courses(nominal);
         let cranes = self.from..self.from + self.family;
-        // a course that does not exist is told before the bar appears
+        // an unknown course is reported before the progress bar appears
         for course in &courses {
             course.of(nominal).into_diagnostic()?;
         }

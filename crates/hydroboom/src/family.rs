@@ -15,19 +15,19 @@ use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::Path;
 
-/// A family that is asked for.
+/// Settings of a family.
 pub struct Family {
-    /// Cranes in it.
+    /// Number of cranes.
     pub count: u64,
     /// Seed.
     pub seed: u64,
-    /// Whether what the model is sure of varies, too.
+    /// Whether the family is widened: further parameters vary.
     pub is_widened: bool,
-    /// Whether baselines run beside the strategies.
+    /// Whether the baselines are run too.
     pub has_baselines: bool,
 }
 
-/// Control periods are timed in so many runs, of which the least time of each counts.
+/// Runs per execution time measurement, of which the minimum of each period counts.
 const TIMED_RUNS: u32 = 3;
 
 /// Runs every controller along every course on virtual cranes drawn around the chosen machine.
@@ -63,7 +63,7 @@ pub fn run(
         .copied()
         .filter(|controller| controller.has_stable_loops(model, nominal) == Some(false))
         .collect();
-    // what is compared costs time, too: one after the other, when no crane runs any more
+    // execution times are measured one after the other, when no simulation runs
     let timed = match courses.last().filter(|_| has_baselines) {
         Some(course) => {
             let course = course.of(nominal).into_diagnostic()?;
@@ -116,7 +116,7 @@ pub fn run(
     ))
 }
 
-/// What the mark means in a table over a family.
+/// Explanation of the mark in a table of a family.
 const UNSTABLE_AROUND_NOMINAL: &str = "(!): its closed loop is unstable around the crane that the family is drawn around, linearised; its errors are no merit. `hydroboom design --family` \
      counts the cranes of the family.";
 
@@ -157,7 +157,7 @@ fn table(rows: &[Row], unstable: &[ControllerChoice]) -> String {
     )
 }
 
-/// What each has over the scheduled LQR on the same crane, in the order of the courses.
+/// Ratios to the scheduled LQR on the same crane, in the order of the courses.
 fn beside_the_scheduled_lqr(rows: &[Row]) -> String {
     let courses: Vec<&String> = rows.iter().map(|row| &row.course).collect();
     let place = |row: &Row| courses.iter().position(|course| **course == row.course);
@@ -182,7 +182,7 @@ fn beside_the_scheduled_lqr(rows: &[Row]) -> String {
     output::table(&heads, &cells)
 }
 
-/// A line on a controller that could not compute a command in some periods.
+/// Remark on a controller with periods without a solution.
 fn without_solution(row: &Row) -> Option<String> {
     let (count, name, course) = (row.periods_without_solution, row.controller.name(), &row.course);
     (count > 0).then(|| {
@@ -204,7 +204,7 @@ fn times(timed: &[PeriodTime]) -> String {
     output::table(&["strategy", "median [us]", "99.9 % [us]"], &cells)
 }
 
-/// What each has over the benchmark on the same crane; the retuned benchmark only where it is one of them.
+/// Ratios to the benchmark on the same crane, and to the retuned benchmark if it is one of the controllers.
 fn beside_the_benchmark(rows: &[Row]) -> String {
     let others: Vec<&Row> =
         rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
@@ -245,7 +245,7 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
 mod tests {
     use super::*;
 
-    /// As in `motion`: the row itself says so.
+    /// As in `motion`, the row itself is marked.
     #[test]
     fn a_row_of_an_unstable_loop_bears_a_mark() {
         let model = hydroboom_description::Description::uia_single_boom().unwrap();

@@ -57,7 +57,7 @@ pub struct Faults {
     json: bool,
 }
 
-/// A case's crane, and what came of it.
+/// Crane and outcome of a case.
 struct Case {
     crane: String,
     outcome: Outcome,
@@ -86,7 +86,7 @@ impl Faults {
         let total = ways * (cranes.len() * faults.len() + pairs - faults.len());
         let bar = ProgressBar::new(total as u64);
         for (k, (name, crane)) in cranes.iter().enumerate() {
-            // pairs on the first crane only
+            // pairs of faults on the first crane only
             let seconds = match k == 0 && (self.pairs || self.all) {
                 true => [None].into_iter().chain(Fault::seconds().map(Some)).collect(),
                 false => vec![None],
@@ -132,7 +132,7 @@ impl Faults {
         output::text(&said)
     }
 
-    /// The strategies named, each once and in their order; all where none is.
+    /// Selected strategies, each once and in their order; all by default.
     fn strategies(&self) -> Vec<Strategy> {
         let is_wanted = |s: &Strategy| self.strategy.is_empty() || self.strategy.contains(s);
         Strategy::ALL.into_iter().filter(is_wanted).collect()
@@ -149,7 +149,7 @@ impl Faults {
             return Ok(all.into_iter().take(1).map(|c| (c.name.to_string(), c)).collect());
         }
         let mut cranes = Vec::new();
-        // the first one as described, for pairs
+        // the first crane with its described valve, for pairs
         cranes.extend(all.first().map(|crane| (crane.name.to_string(), crane.clone())));
         for crane in &all {
             for (slowest, end) in [(false, "fast valve"), (true, "slow valve")] {
@@ -304,7 +304,7 @@ fn table(cases: &[&Case]) -> maud::Markup {
     }
 }
 
-/// The worst of a fault's cases.
+/// Worst values over the cases of a fault.
 fn row(fault: Fault, cases: &[Case]) -> Vec<String> {
     let cases: Vec<&Outcome> =
         cases.iter().map(|c| &c.outcome).filter(|o| o.fault == fault).collect();

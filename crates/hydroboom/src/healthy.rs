@@ -1,4 +1,4 @@
-//! `hydroboom faults --healthy`: courses of healthy virtual cranes, on which nothing may stop them.
+//! `hydroboom faults --healthy`: false-alarm test on courses of healthy virtual cranes.
 
 use crate::interruptible::{Interruptible, of_asked};
 use crate::output;
@@ -16,11 +16,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The scenario of a shift ends after so many of its cycles.
+/// Number of cycles after which the scenario of a shift is ended.
 const SHIFT_CYCLES: f64 = 20.0;
 const SHIFT: &str = "shift";
 
-/// A path that ends early.
+/// Trajectory ended early.
 struct Cut {
     path: Arc<dyn Trajectory>,
     duration: f64,
@@ -38,14 +38,14 @@ impl Trajectory for Cut {
     }
 }
 
-/// A course of a crane.
+/// Course of a crane.
 struct Job {
     number: u64,
     course: CourseChoice,
     strategy: Strategy,
 }
 
-/// Runs the cranes of a family, by count and seed, under strategies along every course.
+/// Runs the cranes of a family, given by count and seed, under strategies along every course.
 pub fn run(
     model: &Description,
     nominal: &Description,
@@ -90,7 +90,7 @@ pub fn run(
     report(&runs, jobs.len(), json)
 }
 
-/// One course of one crane; its name and what came of it.
+/// Runs one course of one crane; returns its name and result.
 fn one(
     model: &Description,
     nominal: &Description,
@@ -98,14 +98,15 @@ fn one(
     job: &Job,
 ) -> Result<(String, HealthyRun)> {
     let mut crane = member(nominal, seed, job.number).into_diagnostic()?.crane;
-    // a step a control period: the implicit scheme errs by less than the sensors' noise, in a quarter of the time
+    // one step per control period: the implicit scheme's error is below the sensor noise, at a quarter of
+    // the time
     crane.numbers.virtual_step = crane.numbers.control_period;
     let course = job.course.of(&crane).into_diagnostic()?;
     let name = course.name();
     let loads: Vec<(f64, f64)> = course.loads().iter().map(|load| (load.time, load.mass)).collect();
     let mut path: Arc<dyn Trajectory> = Arc::from(course as Box<dyn Trajectory>);
     if name == SHIFT {
-        // a cycle of the shift is the fast motion there and back
+        // a cycle of the shift is the fast motion out and back
         let cycle = crane.motion(crane.numbers.fast).duration();
         path = Arc::new(Cut { path, duration: SHIFT_CYCLES * cycle });
     }
@@ -113,8 +114,8 @@ fn one(
     Ok((name, run))
 }
 
-/// Courses that may be stopped: the motor is at its limit, or a load that changes at once moves the piston on
-/// soft oil by more than the largest tracking error.
+/// Courses that may be stopped: the motor is at its limit, or a sudden load change on soft oil exceeds the
+/// tracking limit.
 fn may_stop(course: &str) -> bool {
     ["saturation", "load-in-motion", "payload-change"].contains(&course)
 }

@@ -1,4 +1,4 @@
-//! Work that takes long: a bar says how far it is, and Ctrl-C ends it with what is done.
+//! Progress of a long computation; Ctrl-C ends it with the results so far.
 
 use crate::output;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -7,29 +7,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Exit code of a process that Ctrl-C has ended, as shells give it.
+/// Exit code after Ctrl-C, as of shells.
 const ENDED: i32 = 130;
 
-/// Where standard error is no terminal, a line says so often how far the work is.
+/// Interval of progress lines if standard error is no terminal.
 const SAID_EVERY: Duration = Duration::from_secs(15);
 
-/// Work of so many parts.
+/// Computation of a number of parts.
 pub struct Interruptible {
     bar: ProgressBar,
     parts: String,
     begun: Instant,
-    /// When it was said last how far the work is.
+    /// Time of the last progress line.
     said: Mutex<Instant>,
-    /// Whether Ctrl-C has been pressed.
+    /// Whether Ctrl-C was pressed.
     pressed: Arc<AtomicBool>,
 }
 
 impl Interruptible {
-    /// `count` parts, which the bar calls `parts`. From now on Ctrl-C is remembered; a second one ends the process.
+    /// Computation of `count` parts, named `parts` in the bar. From now on Ctrl-C is stored; a second one
+    /// ends the process.
     ///
     /// # Errors
     ///
-    /// When the system does not let it be heard.
+    /// If the signal handler cannot be installed.
     pub fn new(count: u64, parts: &str) -> Result<Self> {
         let pressed = Arc::new(AtomicBool::new(false));
         let heard = Arc::clone(&pressed);
@@ -48,23 +49,23 @@ impl Interruptible {
         Ok(Self { bar, parts, begun, said: Mutex::new(begun), pressed })
     }
 
-    /// One more part is done: whether to go on.
+    /// Counts a part; returns whether to continue.
     pub fn one_more(&self) -> bool {
         self.bar.inc(1);
         self.say(self.bar.position() as f64 / self.bar.length().unwrap_or(1).max(1) as f64);
         !self.pressed.load(Ordering::Relaxed)
     }
 
-    /// This share of all is done: whether to go on.
+    /// Sets the share done; returns whether to continue.
     pub fn done(&self, share: f64) -> bool {
         self.bar.set_position((share * self.bar.length().unwrap_or(0) as f64) as u64);
         self.say(share);
         !self.pressed.load(Ordering::Relaxed)
     }
 
-    /// Says how far the work is, where no bar is drawn.
+    /// Prints a progress line if no bar is drawn.
     fn say(&self, share: f64) {
-        // whoever else is about to say it says the same
+        // another thread is printing the same line
         let Ok(mut said) = self.said.try_lock() else { return };
         if !self.bar.is_hidden() || said.elapsed() < SAID_EVERY {
             return;
@@ -75,7 +76,7 @@ impl Interruptible {
     }
 }
 
-/// How far work is whose share is done, as a line.
+/// Progress line.
 fn progress(share: f64, count: u64, parts: &str, passed: Duration) -> String {
     let percent = 100.0 * share.clamp(0.0, 1.0);
     let passed = passed.as_secs_f64();
@@ -96,7 +97,7 @@ impl Drop for Interruptible {
     }
 }
 
-/// How many of those that were asked for are done: "17 of 200", or "200".
+/// Number of results out of those requested: "17 of 200", or "200".
 pub fn of_asked(done: usize, asked: usize) -> String {
     match done == asked {
         true => format!("{done}"),

@@ -153,7 +153,7 @@ impl Learn {
         output::text(&format!("{}\n\n{}{of_commands}", of_log(&machine), told(&all, courses.len())))
     }
 
-    /// Says what a log tells, and why nothing is proposed for its machine.
+    /// Prints the identification from a log and the reasons why nothing is proposed.
     fn refused(&self, machine: &LoggedMachine) -> Result<()> {
         let why = machine.refusals.join("\n");
         match self.json {
@@ -169,7 +169,7 @@ impl Learn {
         ))
     }
 
-    /// Writes the commands that a report proposes; the file's name.
+    /// Writes the proposed commands of a report; returns the file's name.
     fn proposed(&self, report: &CycleReport, model: &Description) -> Option<String> {
         let (folder, commands) = (self.out.as_ref()?, report.proposal.as_ref()?);
         let speed = report.course.split_whitespace().next().unwrap_or("course");
@@ -180,7 +180,7 @@ impl Learn {
     }
 }
 
-/// The crane's own motion at the speed that is asked for \[mm/s\], or at both of its own.
+/// The crane's motion at the requested speed \[mm/s\], or at both of its own.
 fn courses(model: &Description, speed: Option<f64>) -> Result<Vec<CourseChoice>> {
     let n = &model.numbers;
     let speeds = match speed {
@@ -199,20 +199,20 @@ fn input_text(commands: &[AxisCommand<f64>], period: f64) -> String {
     format!("time_s,motor_speed_rpm,valve\n{rows}")
 }
 
-/// What a log tells of a machine.
+/// Text on the identification from a log.
 fn of_log(machine: &LoggedMachine) -> String {
     let mut said = verdict_text::said(&machine.judged);
     machine.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
     said
 }
 
-/// Reports, or their medians where there are many.
+/// Reports, or their medians if there are many.
 fn told(all: &[CycleReport], asked: usize) -> String {
     let told = match all.len() > MOST_SHOWN {
         true => medians(all),
         false => {
             let one = |(k, report): (usize, &CycleReport)| {
-                // of one log the same is identified for every speed
+                // for one log the identified parameters are the same for every speed
                 let again = all[k + 1..].iter().any(|next| next.identified == report.identified);
                 let of = match all.iter().all(|other| other.identified == report.identified) {
                     true => String::new(),
@@ -232,10 +232,10 @@ fn told(all: &[CycleReport], asked: usize) -> String {
     }
 }
 
-/// Of more cycles the medians are shown.
+/// Number of cycles above which medians are shown.
 const MOST_SHOWN: usize = 4;
 
-/// Heads of what is told of each method.
+/// Heads of the table of methods.
 const HEADS: [&str; 4] = ["method", "initial state", "RMS true [mm]", "RMS measured [mm]"];
 
 fn named(of: &MethodError) -> [String; 2] {
@@ -247,7 +247,7 @@ fn named(of: &MethodError) -> [String; 2] {
     [name, if of.reset { "at rest" } else { "without reset" }.into()]
 }
 
-/// What a cycle tells of a machine.
+/// Text of one report.
 fn of_one(report: &CycleReport) -> String {
     let rows = report.methods.iter().map(|of| {
         let [mut name, begins] = named(of);
@@ -284,7 +284,7 @@ fn of_one(report: &CycleReport) -> String {
     said
 }
 
-/// What was identified, as options; `of` says from what.
+/// Identified parameters as options; `of` names their source.
 fn overrides(identified: &[String], of: &str) -> String {
     let options: Vec<String> =
         identified.iter().map(|assignment| format!("--set {assignment}")).collect();

@@ -43,7 +43,7 @@ pub struct Linearise {
     json: bool,
 }
 
-/// Outputs in the frequency responses: label, name, and SI units in one unit shown.
+/// Outputs in the frequency responses: label, name, and the displayed unit in SI units.
 const SHOWN: [(&str, &str, f64); 4] = [
     ("v_cyl [mm/s]", "velocity", 1e3),
     ("p_A [bar]", "pressure_a", 1e-5),
@@ -51,7 +51,7 @@ const SHOWN: [(&str, &str, f64); 4] = [
     ("tip deflection [mm]", "tip_deflection", 1e3),
 ];
 
-/// A valve position from the command line.
+/// Parses a valve position.
 pub fn valve(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
@@ -101,7 +101,7 @@ impl Linearise {
                 let mut csv = format!("row,{}\n", columns.join(","));
                 for (row, label) in rows.iter().zip(row_names.iter()) {
                     let cells: Vec<String> = row.iter().map(|v| format!("{v:e}")).collect();
-                    // a String takes every write
+                    // writing to a String cannot fail
                     let _ = writeln!(csv, "{label},{}", cells.join(","));
                 }
                 output::file(&folder.join(format!("{name}.csv")), csv.as_bytes());
@@ -154,7 +154,7 @@ impl Linearise {
         ))
     }
 
-    /// What is to be said of an operating point in the dead band, with one that is not in it where there is one.
+    /// Remark on an operating point in the dead band, with another point outside it if there is one.
     fn dead_band(&self, description: &Description) -> String {
         let said = "This operating point lies in the dead band of the load-holding valve: between cracking and closing no oil passes, and a \
                     small change of the motor's speed moves nothing. The poles are those of a cylinder that is shut.";
@@ -180,5 +180,5 @@ impl Linearise {
     }
 }
 
-/// Time for which the crane moves before an operating point is taken, in steps of 1 ms.
+/// Duration of the motion before the operating point is taken \[steps of 1 ms\].
 const SETTLING: u32 = 1000;

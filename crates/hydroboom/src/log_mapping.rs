@@ -1,4 +1,4 @@
-//! The options that say which column of a log is which signal.
+//! Options that assign columns of a log to signals.
 
 use crate::crane_file::text_of;
 use crate::number;
@@ -30,7 +30,8 @@ fn sample_time(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl LogMapping {
-    /// Reads a log of a crane, and says which of its columns is what; what is assumed is among the log's remarks.
+    /// Reads a log of a crane and assigns its columns to signals. Assumptions are added to the log's
+    /// remarks.
     pub fn read(&self, log: &Path, crane: &Description) -> Result<(Measurement, Mapping)> {
         let (log, mapping, refused) = self.read_where_known(log, crane)?;
         match refused.into_iter().next() {
@@ -39,7 +40,7 @@ impl LogMapping {
         }
     }
 
-    /// The same without the columns whose units are unknown or of the wrong dimension, and what is wrong with each of them.
+    /// The same without the columns of unknown unit or wrong dimension; their errors are returned.
     pub fn read_where_known(
         &self,
         log: &Path,
@@ -64,7 +65,7 @@ impl LogMapping {
     }
 }
 
-/// What looks wrong with the columns of a log, for a crane.
+/// Suspicious values in the columns of a log, given the crane.
 pub fn suspicions(log: &Measurement, mapping: &Mapping, crane: &Description) -> Vec<Suspicion> {
     let n = &crane.numbers;
     let mut found = mapping.suspicions(log, n.stroke, n.motor_speed);
@@ -74,7 +75,7 @@ pub fn suspicions(log: &Measurement, mapping: &Mapping, crane: &Description) -> 
     found
 }
 
-/// What a crane with a pump of its own says of the size of its signals; none where it cannot rest.
+/// Expected magnitudes of the signals of a self-contained crane; none if it has no state of rest.
 fn expected(crane: &Description) -> Option<Expected> {
     if crane.choices.circuit != CircuitChoice::SelfContained {
         return None;
@@ -104,7 +105,7 @@ pub struct LogWindow {
 }
 
 impl LogWindow {
-    /// The part.
+    /// Part of the log.
     pub fn of(self) -> hydroboom_identify::Window {
         hydroboom_identify::Window { from: self.from_s, to: self.to_s }
     }

@@ -30,17 +30,17 @@ impl Machine {
         let shared = Shared::open(&self.shared)
             .into_diagnostic()
             .wrap_err_with(|| self.shared.display().to_string())?;
-        // the load held, the pump without pressure
+        // load held, pump without pressure
         let mut start = crane.start(crane.numbers.motion_start);
         start.preload = 0.0;
         let machine = VirtualCrane::new(&crane, &start).into_diagnostic()?;
         let end = host(machine, &crane, &shared).into_diagnostic();
-        // who made it has gone without a word, or has removed it
+        // the creator of the memory has ended without removing it, or has removed it
         let _ = std::fs::remove_file(&self.shared);
         end
     }
 
-    /// The crane that is played.
+    /// Description of the simulated crane.
     fn description(&self) -> Result<Description> {
         let crane = self.crane.read_or(Description::uia_virtual)?;
         Ok(if self.is_virtual { crane.virtual_crane().0 } else { crane })
@@ -83,7 +83,7 @@ mod tests {
             options.extend(choice.arguments().iter().cloned());
             let played = Played::parse_from(options).machine.description().unwrap();
             assert_eq!(played.digest(), choice.machine.digest(), "{arguments:?}");
-            // whatever the machine is, it is asked for the motion that was chosen
+            // model and machine have the same motion, whatever the machine is
             assert_eq!(choice.machine.numbers.motion_end, choice.model.numbers.motion_end);
         }
     }

@@ -1,21 +1,21 @@
-//! Which machine `run` is to move, as it is named on the command line.
+//! Argument that selects the machine of `run`.
 
 use crate::paths::InputFile;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Which machine is to be moved.
+/// Selected machine.
 #[derive(Clone, Debug)]
 pub enum MachineArgument {
-    /// A virtual crane in a process of its own: of the crane file, or of a file.
+    /// Virtual crane in a process of its own: of the crane file, or of a file.
     Virtual(Option<InputFile>),
-    /// A machine in another process, over the local interface at this UDP port.
+    /// Machine in another process on the local interface, at this UDP port.
     Udp(u16),
 }
 
 impl MachineArgument {
-    /// Reads it from the command line: `virtual`, `virtual:FILE`, `udp:PORT`, or a file.
+    /// Parser for `virtual`, `virtual:FILE`, `udp:PORT`, or a file.
     pub fn parser() -> impl TypedValueParser<Value = Self> {
         OsStringValueParser::new().try_map(Self::parse)
     }
@@ -41,7 +41,7 @@ impl MachineArgument {
         }
     }
 
-    /// The crane file of a virtual crane, where one is named.
+    /// Crane file of a virtual crane, if one is named.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::Virtual(file) => file.as_deref(),

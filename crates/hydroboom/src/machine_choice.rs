@@ -1,4 +1,4 @@
-//! The machine that stands in for the real one beside its model.
+//! Choice of the machine that represents the real crane beside its model.
 
 use crate::crane_file::{CraneFile, self_contained, text};
 use crate::{origin, output};
@@ -9,29 +9,29 @@ use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Differences that are printed; JSON has them all.
+/// Largest number of printed differences; JSON contains all.
 const PRINTED: usize = 10;
 
-/// How the keys of the motion begin: an override of one is of model and machine.
+/// Prefix of the motion's keys: an override of one applies to model and machine.
 const MOTION: &str = "motion.";
 
-/// Where the machine comes from.
+/// Source of the machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The paper's virtual crane, embedded: no crane file is named.
+    /// The paper's virtual crane, embedded, if no crane file is named.
     Embedded,
-    /// The virtual crane of the crane file that is named.
+    /// Virtual crane of the named crane file.
     CraneFile,
-    /// A crane file of its own.
+    /// Crane file of its own.
     MachineFile,
     /// Another process, at this UDP port.
     Attached(u16),
-    /// The model itself, or the model with overrides; its equipment is ideal.
+    /// The model itself or with overrides, with ideal equipment.
     Model,
 }
 
 impl Source {
-    /// Its name.
+    /// Name of the source.
     fn name(self) -> &'static str {
         match self {
             Self::Embedded => "embedded",
@@ -43,34 +43,33 @@ impl Source {
     }
 }
 
-/// A model, and the machine that it is held against.
+/// Model and machine.
 #[derive(Clone, Debug)]
 pub struct MachineChoice {
-    /// The model, which the controllers know.
+    /// Model, which the controllers use.
     pub model: Description,
     /// The machine.
     pub machine: Description,
-    /// Where the machine comes from.
+    /// Source of the machine.
     pub source: Source,
-    /// What the crane file of the machine leaves out, filled in.
+    /// Missing keys of the machine's crane file with their typical values.
     filled_in: Vec<FilledIn>,
-    /// In what the machine differs from the model, what matters most first.
+    /// Differences between machine and model, the most important first.
     differences: Vec<Difference>,
-    /// Options of `hydroboom machine` that give the same machine.
+    /// Options of `hydroboom machine` for the same machine.
     arguments: Vec<OsString>,
 }
 
 impl MachineChoice {
-    /// The model of `crane`, and its machine: the file `machine` where one is named, else the virtual crane
-    /// of the crane file that is named, else the paper's virtual crane.
+    /// Model of `crane` with its machine. The machine is the file `machine` if named, else the virtual
+    /// crane of the named crane file, else the paper's virtual crane.
     ///
-    /// What was filled in, and how a machine that is named differs from the model, is said on standard
-    /// error.
+    /// Filled-in values, and the differences of a named machine, are printed on standard error.
     pub fn read(crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
         Self::of(crane.read()?, crane, machine)
     }
 
-    /// The same where `plant` may be a file with a `[set]` table of overrides, too: those of the machine that there is without it.
+    /// The same, where `plant` may also be a file with a `[set]` table: overrides of the default machine.
     pub fn read_plant(crane: &CraneFile, plant: Option<&Path>) -> Result<Self> {
         let Some(path) = plant else { return Self::read(crane, None) };
         let content = text(path)?;
@@ -84,10 +83,10 @@ impl MachineChoice {
         }
     }
 
-    /// The same of a model that was read from `crane`.
+    /// The same for a model read from `crane`.
     pub fn of(model: Description, crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
         let nothing = Vec::new();
-        // the motion is what both are asked for
+        // overrides of the motion apply to both
         let motion: Vec<&str> = crane
             .overrides()
             .iter()
@@ -143,7 +142,8 @@ impl MachineChoice {
         }
     }
 
-    /// A machine in another process, of which nothing is known: the model with typical equipment stands for it in what is said before a run.
+    /// Machine in another process. Its parameters are unknown: for checks before a run the model with
+    /// typical equipment represents it.
     pub fn attached(model: Description, port: u16) -> Self {
         let (machine, _) = model.virtual_crane();
         Self {
@@ -156,7 +156,7 @@ impl MachineChoice {
         }
     }
 
-    /// The same with another machine: one that overrides have changed.
+    /// The same with another machine, changed by overrides.
     pub fn with_machine(self, machine: Description) -> Self {
         let differences = by_weight(self.model.differences(&machine));
         Self { machine, differences, ..self }
@@ -168,12 +168,12 @@ impl MachineChoice {
         Self { model, ..self }.with_machine(machine)
     }
 
-    /// Whether the machine is a virtual crane, with its equipment.
+    /// Whether the machine is a virtual crane with its equipment.
     pub fn is_virtual(&self) -> bool {
         matches!(self.source, Source::Embedded | Source::CraneFile)
     }
 
-    /// What the machine is called, in tables and messages.
+    /// Name of the machine in tables and messages.
     pub fn name(&self) -> String {
         match self.source {
             Source::CraneFile => format!("virtual crane of {}", self.model.name),
@@ -182,12 +182,12 @@ impl MachineChoice {
         }
     }
 
-    /// Options of `hydroboom machine` that give the same machine in another process.
+    /// Options of `hydroboom machine` for the same machine in another process.
     pub fn arguments(&self) -> &[OsString] {
         &self.arguments
     }
 
-    /// The differences that matter most, in the order of the file, and how many more there are.
+    /// The most important differences in the order of the file, and the number of the others.
     pub fn most_important(&self) -> (Vec<Difference>, usize) {
         let printed = self.differences.len().min(PRINTED);
         let mut important = self.model.differences(&self.machine);
@@ -195,7 +195,7 @@ impl MachineChoice {
         (important, self.differences.len() - printed)
     }
 
-    /// What is to be said where the machine is the model itself, equipment aside: none where it differs.
+    /// Remark if the machine equals the model except for its equipment; none if it differs.
     pub fn equality(&self) -> Option<&'static str> {
         if matches!(self.source, Source::Attached(_)) {
             return None;
@@ -211,7 +211,7 @@ impl MachineChoice {
         )
     }
 
-    /// For machines: name, source, what was filled in, and all differences.
+    /// JSON: name, source, filled-in values, and all differences.
     pub fn json(&self) -> Value {
         let filled_in = self.filled_in.iter().map(|f| {
             json!({ "key": f.key.path(), "value": f.value, "unit": f.key.unit, "source": f.source })
@@ -250,7 +250,7 @@ impl MachineChoice {
     }
 }
 
-/// The most important differences, a line each, and how many more there are.
+/// The most important differences, a line each, and the number of the others.
 fn shortened(differences: &[Difference]) -> Vec<String> {
     let printed = &differences[..differences.len().min(PRINTED)];
     let short = |text: &str| text.parse().map_or_else(|_| text.to_string(), output::number);

@@ -1,4 +1,4 @@
-//! `hydroboom`: the command line. One file per command; no logic of its own.
+//! `hydroboom`: command line. One file per command, without logic of its own.
 
 mod ablate;
 mod bench;
@@ -101,13 +101,13 @@ enum Command {
 fn main() -> ExitCode {
     processor::check();
     hydroboom_realtime::posix::survive_large_files();
-    // paths stay whole, and a log or a pipe gets each message in one line
+    // wrapped for a terminal only: paths stay whole, and a log or a pipe gets one line per message
     let wrapped = std::io::stderr().is_terminal();
     let is_set = miette::set_hook(Box::new(move |_| {
         let options = MietteHandlerOpts::new().wrap_lines(wrapped).break_words(false);
         Box::new(options.build())
     }));
-    // it is set once, here; without it errors are only plainer
+    // the hook is set here only; without it errors have a simpler format
     drop(is_set);
     let matches =
         with_negative_numbers(Arguments::command()).try_get_matches().unwrap_or_else(|error| {
@@ -125,7 +125,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Lets every option that takes a value take a negative number: what is wrong with it is said of the option, and not that `-5` is none.
+/// Lets every option with a value take a negative number. An invalid one is then reported for its option
+/// instead of as an unknown option `-5`.
 fn with_negative_numbers(mut command: clap::Command) -> clap::Command {
     let names: Vec<String> =
         command.get_subcommands().map(|each| each.get_name().to_string()).collect();

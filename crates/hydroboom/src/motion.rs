@@ -25,7 +25,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
-/// Asks for the virtual crane, and names the embedded one.
+/// Argument for the virtual crane, and name of the embedded one.
 const VIRTUAL: &str = "virtual";
 
 /// Tests 1 to 3 and ours: five strategies at both speeds, on a plant that may differ from the model.
@@ -121,7 +121,7 @@ impl MotionTests {
             };
             return family::run(&choice, &family, &courses, out, self.json);
         }
-        // the virtual crane differs in all it has: `hydroboom show` lists that
+        // the virtual crane differs in all its equipment: `hydroboom show` lists that
         let (changes, more) = match choice.is_virtual() {
             true => (Vec::new(), 0),
             false => choice.most_important(),
@@ -148,7 +148,7 @@ impl MotionTests {
             .map(|run| Row::of(&name, run).with_loops(&loops))
             .map(|row| if is_papers_crane { row } else { row.without_paper() })
             .collect();
-        // Table 6: the published model along the last course, the fast motion unless it is a scenario
+        // Table 6: the published model along the last course, which is the fast motion or a scenario
         let velocity_feedforward =
             runs.iter().rfind(|run| run.strategy == Strategy::VelocityFeedforward);
         let mut alongside = None;
@@ -160,7 +160,7 @@ impl MotionTests {
             let simulated = run(model, &published, Strategy::VelocityFeedforward, course.as_ref());
             alongside = Some(simulated.into_diagnostic()?);
         }
-        // the paper's differences are those of the paper's crane
+        // the paper's differences apply to the paper's crane only
         let table_6 = alongside
             .as_ref()
             .zip(velocity_feedforward)
@@ -256,7 +256,8 @@ impl MotionTests {
         output::text(&format!("{said}{}{unstable}", table(&rows)))
     }
 
-    /// Payloads \[kg\] that hang in the comparison: of the model, of the plant, and on the way; in a family those of the crane file.
+    /// Range of the payloads \[kg\] in the comparison: of the model, of the plant, and of load changes; for
+    /// a family that of the crane file.
     fn payloads(&self, choice: &MachineChoice, courses: &[CourseChoice]) -> Result<[f64; 2]> {
         let (model, plant) = (&choice.model, &choice.machine);
         let mut all = vec![model.numbers.payload, plant.numbers.payload];
@@ -271,7 +272,7 @@ impl MotionTests {
         Ok([least.unwrap_or(0.0), most.unwrap_or(0.0)])
     }
 
-    /// What is run on, and its name in tables.
+    /// Machine choice and its name in tables.
     fn choice(&self) -> Result<(MachineChoice, String)> {
         let model = self.crane.read()?;
         let path = match &self.plant {
@@ -301,7 +302,7 @@ impl MotionTests {
     }
 }
 
-/// A row of Table 6.
+/// Row of Table 6.
 #[derive(Serialize)]
 struct Signal {
     signal: &'static str,
@@ -335,18 +336,18 @@ fn signals(seen: &[(f64, f64); 6]) -> Vec<Signal> {
         .collect()
 }
 
-/// What one changed key does by itself.
+/// Effect of one changed key.
 #[derive(Serialize)]
 struct Effect {
     key: String,
     model: String,
     plant: String,
     unit: String,
-    /// Tracking error under velocity feedforward, of the model and of the changed plant.
+    /// RMS true error under velocity feedforward, of the model and of the changed plant.
     velocity_feedforward_rms_true_mm: [f64; 2],
     /// RMS difference of p_A between both.
     pressure_a_rms_bar: f64,
-    /// Locked-valve eigenfrequency without friction at mid-stroke, of both.
+    /// Locked-valve eigenfrequency without friction at mid-stroke of both.
     eigenfrequency_hz: [f64; 2],
 }
 
@@ -366,7 +367,7 @@ impl Effect {
     }
 }
 
-/// Changes one key of the plant and compares.
+/// Changes one key of the plant and computes the effect.
 fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabError> {
     let mut plant = model.clone();
     plant.set(&difference.assignment())?;
@@ -392,7 +393,7 @@ fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabErr
     })
 }
 
-/// Writes a run into a folder, under the names of plant, course and strategy.
+/// Writes a run into a folder, named by plant, course and strategy.
 pub fn write_log(folder: &Path, plant: &str, run: &hydroboom_lab::motion_test::Run) {
     let plain = |text: &str| {
         let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
@@ -403,7 +404,7 @@ pub fn write_log(folder: &Path, plant: &str, run: &hydroboom_lab::motion_test::R
     output::written(&path, hydroboom_lab::run_log::write_run(run, &path));
 }
 
-/// An error of a run; none where the run oscillates or stopped.
+/// Error of a run; a note instead if the run oscillates or stopped.
 fn here(row: &Row, mm: f64) -> String {
     match (&row.stopped, row.stable) {
         (Some(_), _) => "stopped".into(),
@@ -412,23 +413,23 @@ fn here(row: &Row, mm: f64) -> String {
     }
 }
 
-/// What a run cost or left; nothing where it stopped.
+/// Effort of a run; a dash if it stopped.
 fn spent(value: f64, digits: usize) -> String {
     output::optional(value.is_finite().then_some(value), digits)
 }
 
-/// All but the columns that are left out.
+/// Row without the omitted columns.
 fn kept<T: Clone>(row: &[T], left_out: &[usize]) -> Vec<T> {
     let kept = row.iter().enumerate().filter(|(column, _)| !left_out.contains(column));
     kept.map(|(_, cell)| cell.clone()).collect()
 }
 
-/// Tables 7 to 9, "paper | here", and what is to be said of runs that oscillate.
+/// Tables 7 to 9, "paper | here", with remarks on oscillating runs.
 pub fn table(rows: &[Row]) -> String {
     let is_ideal = |row: &Row| row.stopped.is_some() || row.error.is_measured_truly();
     let (ideal, mixed) = (rows.iter().all(is_ideal), rows.iter().any(is_ideal));
     let beside_paper = rows.iter().any(|row| row.paper_rms_mm.is_some());
-    // columns in which nothing would stand that is not said otherwise
+    // columns without information are omitted
     let left_out: &[usize] = match (ideal, beside_paper) {
         (true, true) => &[5, 8],
         (true, false) => &[3, 5, 6, 8],
@@ -537,7 +538,7 @@ mod tests {
         );
     }
 
-    /// The row itself says so, not only a sentence below the table.
+    /// The row itself is marked, besides the remark below the table.
     #[test]
     fn a_row_of_an_unstable_loop_bears_a_mark() {
         let swings = Row { has_stable_loops: false, ..row(0.5, None) };
@@ -548,7 +549,7 @@ mod tests {
         assert!(!table(&[row(0.5, None)]).contains("(!)"));
     }
 
-    /// The head of the error columns says which error it is: true, or as measured.
+    /// The head of each error column says whether the error is true or measured.
     #[test]
     fn heads_of_error_columns_say_true_or_measured() {
         let text = table(&[row(0.625, None)]);

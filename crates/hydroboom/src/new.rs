@@ -18,25 +18,25 @@ enum Circuit {
     ValveControlled,
 }
 
-/// Head of the sections that the published crane leaves out.
+/// Comment above the sections that the published crane omits.
 const EQUIPMENT: &str = "\
 # Drive, switching valve, sensors and fieldbus of the machine: not published, typical values. The model
 # has none of these; the machine that stands in for the real one (hydroboom run, motion --plant virtual)
 # has them all.
 ";
 
-/// Whose numbers a new file is filled in with.
+/// Source of the values filled in.
 const PAPERS_CRANE: &str = "the paper's crane";
 const PATU_CRANE: &str = "a PATU forestry crane";
 
-/// What stands at the top: what the word means that marks what was filled in.
+/// Comment at the top: meaning of the provenance of filled-in values.
 fn head(whose: &str) -> String {
     format!(
         "# provenance \"placeholder\": the number is that of {whose} and not yet of your machine; once its value is edited it counts as given.\n"
     )
 }
 
-/// What stands above the limits that are written.
+/// Comment above the supervision limits.
 const SUPERVISION: &str = "\
 # Limits of the supervision; `hydroboom supervision` shows what else follows from this file.
 # holding_valve.check_function = \"none\" says that a shut load-holding valve lets nothing pass,
@@ -59,14 +59,15 @@ pub struct New {
     json: bool,
 }
 
-/// How the benchmark gets gains of the crane that is described; until then it has those designed for the numbers that the file was filled in with.
+/// Comment on the benchmark's gains: how to design them for the described crane. The file contains those
+/// for its filled-in values.
 fn gains_hint(circuit: Circuit, name: &str) -> String {
     match circuit {
         Circuit::SelfContained => format!(
             "\nIts benchmark has gains for the numbers in it; those for your crane: hydroboom design --benchmark --crane {name} --crane-out {}",
             Path::new(name).with_extension("gains.toml").display()
         ),
-        // no controller is designed for it
+        // there is no controller for it
         Circuit::ValveControlled => String::new(),
     }
 }

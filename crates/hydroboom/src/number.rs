@@ -1,12 +1,12 @@
-//! Numbers on the command line: finite, and within stated ranges.
+//! Numbers on the command line: finite and within stated ranges.
 
 use hydroboom_description::Description;
 use miette::{Result, miette};
 use std::ops::RangeInclusive;
 
-/// Speeds of a motion \[mm/s\]; how fast a crane's own motion can be depends on its length and ramp.
+/// Speeds of a motion \[mm/s\]. A crane's own limit depends on the motion's length and ramp.
 pub const SPEED: RangeInclusive<f64> = 0.1..=10_000.0;
-/// Piston positions \[mm\], of any crane.
+/// Piston positions \[mm\] of any crane.
 pub const STROKE: RangeInclusive<f64> = 0.0..=20_000.0;
 /// Speeds of a motor \[rpm\].
 pub const MOTOR_SPEED: RangeInclusive<f64> = -20_000.0..=20_000.0;
@@ -18,10 +18,10 @@ pub const LOG_INTERVAL: RangeInclusive<f64> = 0.001..=3_600_000.0;
 pub const DURATION: RangeInclusive<f64> = 1e-3..=1e7;
 /// Standard deviations of a survey \[mm\].
 pub const SURVEY_NOISE: RangeInclusive<f64> = 1e-3..=100.0;
-/// Times of a log \[s\], counted from whenever.
+/// Times of a log \[s\] with any origin.
 pub const LOG_TIME: RangeInclusive<f64> = -1e12..=1e12;
 
-/// Reads a number within a range; `unit` is its unit.
+/// Parses a number within a range; `unit` is its unit.
 pub fn within(
     range: RangeInclusive<f64>,
     unit: &'static str,
@@ -33,11 +33,11 @@ pub fn within(
     }
 }
 
-/// The speed of a crane's motion \[m/s\]: what was asked for \[mm/s\], or its fast one.
+/// Speed of a crane's motion \[m/s\]: the requested one \[mm/s\], or the fast one.
 ///
 /// # Errors
 ///
-/// When the crane has come to its end before it is as fast.
+/// If the motion is too short to reach the speed.
 pub fn speed_of_motion(crane: &Description, asked: Option<f64>) -> Result<f64> {
     let n = &crane.numbers;
     let Some(asked) = asked else { return Ok(n.fast) };

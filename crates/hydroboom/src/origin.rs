@@ -1,4 +1,4 @@
-//! How a report was made: what was read, by which command, when.
+//! Origin of a report: inputs, command and date.
 
 use hydroboom_lab::report::Origin;
 use hydroboom_measurement::{digest, digest_of};
@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// Crane files and mappings that were read: what it is, its name, its digest.
+/// Crane files and mappings that were read: kind, name, digest.
 static READ: Mutex<Vec<(String, String, String)>> = Mutex::new(Vec::new());
 
-/// Logs that were read. They may be long: their digests are worked out where a report is written.
+/// Logs that were read. They may be long: their digests are computed when a report is written.
 static LOGS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Keeps in mind that a log was read.
+/// Records that a log was read.
 pub fn log(path: &Path) {
     let mut all = LOGS.lock().unwrap_or_else(PoisonError::into_inner);
     if !all.iter().any(|known| known == path) {
@@ -20,7 +20,7 @@ pub fn log(path: &Path) {
     }
 }
 
-/// The logs with their digests; a pipe has none.
+/// Logs with their digests; a pipe has none.
 fn logs() -> Vec<(String, String, String)> {
     let all = LOGS.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let regular = all.into_iter().filter(|path| path.is_file());
@@ -29,26 +29,26 @@ fn logs() -> Vec<(String, String, String)> {
     regular.filter_map(digested).collect()
 }
 
-/// Keeps in mind that a file was read.
+/// Records that a file was read.
 pub fn read(what: &str, path: &Path, content: &str) {
     keep(what, &path.display().to_string(), content);
 }
 
-/// Keeps in mind that an embedded crane file was taken.
+/// Records that an embedded crane file was used.
 pub fn embedded(name: &str, content: &str) {
     keep("crane file", &format!("{name} (embedded)"), content);
 }
 
 fn keep(what: &str, name: &str, content: &str) {
     let read = (what.to_string(), name.to_string(), digest_of(content.as_bytes()));
-    // a list is whole after each push
+    // the list is consistent after each push, so that a poisoned lock can be used
     let mut all = READ.lock().unwrap_or_else(PoisonError::into_inner);
     if !all.contains(&read) {
         all.push(read);
     }
 }
 
-/// How a report is made that is made now; `seed` is that of what was drawn at random.
+/// Origin of a report written now; `seed` is that of the random numbers.
 pub fn origin(seed: Option<u64>) -> Origin {
     let command: Vec<String> =
         std::env::args_os().map(|argument| quoted(&argument.to_string_lossy())).collect();
@@ -61,7 +61,7 @@ pub fn origin(seed: Option<u64>) -> Origin {
     }
 }
 
-/// An argument as a shell takes it.
+/// Argument quoted for a shell.
 fn quoted(argument: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
     match !argument.is_empty() && argument.chars().all(is_plain) {

@@ -1,7 +1,7 @@
-//! What commands put out: tables for people, JSON for machines, files.
+//! Output of the commands: tables for people, JSON for programs, files.
 //!
-//! An output that cannot be written does not end a command: it is told at once, the others are still
-//! written, and [`conclude`] ends the program with a list of what is missing.
+//! An output that cannot be written does not end a command. The error is printed at once and the other
+//! outputs are still written. [`conclude`] then ends the program with a list of what is missing.
 
 use crate::origin::origin;
 use hydroboom_lab::report::Page;
@@ -10,9 +10,9 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// An output that was not written.
+/// Output that was not written.
 struct Failure {
-    /// None for standard output.
+    /// Path; none for standard output.
     path: Option<PathBuf>,
     said: String,
 }
@@ -37,24 +37,24 @@ pub fn json(value: &serde_json::Value) -> Result<()> {
     text(&serde_json::to_string_pretty(value).into_diagnostic()?)
 }
 
-/// Says something beside the results, on standard error.
+/// Prints a note on standard error.
 pub fn note(text: &str) {
-    // who closed standard error wants to hear nothing
+    // an error means that standard error was closed on purpose
     let _ = writeln!(std::io::stderr(), "{}", escaped(text));
 }
 
-/// Warns of something, on standard error.
+/// Prints a warning on standard error.
 pub fn warn(text: &str) {
     note(&format!("warning: {text}"));
 }
 
-/// Writes a file whole or not at all; says whether it is written.
+/// Writes a file completely or not at all; returns whether it was written.
 pub fn file(path: &Path, content: &[u8]) -> bool {
     written(path, hydroboom_files::write(path, content))
 }
 
-/// Writes a report, and its figures as SVG and CSV into a folder beside it, `NAME-figures`; beside a device or a pipe
-/// none. `seed` is that of what was drawn at random.
+/// Writes a report, and its figures as SVG and CSV into the folder `NAME-figures` next to it, but not for a
+/// device or a pipe. `seed` is that of the random numbers.
 pub fn page(path: &Path, report: &Page, seed: Option<u64>) {
     let is_written = file(path, report.html(&origin(seed)).as_bytes());
     if !is_written || !path.is_file() || report.figures.is_empty() {
@@ -78,14 +78,14 @@ pub fn page_in_folder(at: &Path, name: &str, report: &Page, seed: Option<u64>) -
     path
 }
 
-/// Makes a folder for files, where it is not there yet.
+/// Creates a folder for files if it does not exist.
 pub fn folder(path: &Path) {
     if let Err(error) = hydroboom_files::folder(path) {
         failed(Some(path), error.to_string());
     }
 }
 
-/// Keeps in mind what came of writing a file; says whether it is written.
+/// Records the result of writing a file; returns whether it was written.
 pub fn written(path: &Path, result: Result<(), impl std::fmt::Display>) -> bool {
     match result {
         Ok(()) => true,
@@ -96,7 +96,7 @@ pub fn written(path: &Path, result: Result<(), impl std::fmt::Display>) -> bool 
     }
 }
 
-/// A line that names a file that was written, as `report: run.html`; the truth of one that was not.
+/// Line that names a written file, as `report: run.html`, or that it was not written.
 pub fn named(what: &str, path: &Path) -> String {
     match is_written(path) {
         false => format!("\n{what}: {} is NOT written", path.display()),
@@ -104,7 +104,7 @@ pub fn named(what: &str, path: &Path) -> String {
     }
 }
 
-/// Whether writing a file went well, and making the folder that it is in.
+/// Whether a file was written, and its folder created.
 pub fn is_written(path: &Path) -> bool {
     let failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
     !failures.iter().any(|f| f.path.as_deref().is_some_and(|failed| path.starts_with(failed)))
@@ -112,7 +112,7 @@ pub fn is_written(path: &Path) -> bool {
 
 fn failed(path: Option<&Path>, said: String) {
     let mut failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
-    // files of a folder that could not be made
+    // files in a folder that could not be created
     let is_known = |f: &Failure| {
         f.path.as_deref().zip(path).is_some_and(|(known, path)| path.starts_with(known))
     };
@@ -122,7 +122,7 @@ fn failed(path: Option<&Path>, said: String) {
     }
 }
 
-/// What a command comes to: an error where an output is missing, too.
+/// Result of a command: an error also if an output is missing.
 pub fn conclude(result: Result<()>) -> Result<()> {
     let failures = std::mem::take(&mut *FAILURES.lock().unwrap_or_else(PoisonError::into_inner));
     if failures.is_empty() {
@@ -136,29 +136,29 @@ pub fn conclude(result: Result<()>) -> Result<()> {
     Err(miette!("not all is written:\n  {}", list.join("\n  ")))
 }
 
-/// Says why a command failed, on standard error.
+/// Prints the error of a command on standard error.
 pub fn error(error: &miette::Report) {
     let said = without_commands(&cut(&format!("{error:?}")));
     let _ = writeln!(std::io::stderr(), "Error: {said}");
 }
 
-/// Says what is wrong with a command line, or the help that was asked for.
+/// Prints an error of the command line, or the requested help.
 pub fn usage(error: &clap::Error) {
     let said = error.render();
     let colourful = |text: &str| without_commands(&cut(text));
     let _ = match (error.use_stderr(), std::io::stderr().is_terminal()) {
         (true, true) => write!(std::io::stderr(), "{}", colourful(&said.ansi().to_string())),
         (true, false) => write!(std::io::stderr(), "{}", colourful(&said.to_string())),
-        // help is our own text
+        // help is the program's own text
         (false, _) => error.print(),
     };
 }
 
-/// Letters of a message that are shown of one line, and its lines.
+/// Largest number of letters per line of a message, and of lines.
 const MOST_LETTERS: usize = 2000;
 const MOST_LINES: usize = 400;
 
-/// A message without the rest of overlong lines: what is quoted from a file has no length of its own.
+/// Message with overlong lines and excess lines cut: text quoted from a file may have any length.
 fn cut(text: &str) -> String {
     let count = text.lines().count();
     let mut lines: Vec<String> = text
@@ -178,7 +178,7 @@ fn cut(text: &str) -> String {
     lines.join("\n")
 }
 
-/// The same for text that was made for a terminal, and keeps its colours.
+/// The same for text made for a terminal, which keeps its colours.
 fn without_commands(text: &str) -> String {
     let mut parts = text.split("\x1b[");
     let mut shown = escaped(parts.next().unwrap_or_default());
@@ -192,11 +192,12 @@ fn without_commands(text: &str) -> String {
     shown
 }
 
-/// Text without control characters but line ends and tabs: what stands in a file commands no terminal.
+/// Text without control characters except line ends and tabs, so that the content of a file cannot control
+/// a terminal.
 pub fn escaped(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for letter in text.chars() {
-        // marks that turn the direction of writing around hide what stands there
+        // characters that change the direction of writing can hide text
         let is_turning = matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
         match is_turning || letter.is_control() && !matches!(letter, '\n' | '\t') {
             true => shown.extend(letter.escape_default()),
@@ -206,7 +207,7 @@ pub fn escaped(text: &str) -> String {
     shown
 }
 
-/// A table without the paper's columns where the paper has nothing: beside another crane than its own.
+/// Table without the paper's columns if they are empty, as for another crane.
 pub fn table_beside_paper(header: &[&str], rows: &[Vec<String>]) -> String {
     let is_kept = |column: &usize| {
         !header[*column].contains("paper") || rows.iter().any(|row| row[*column] != "-")
@@ -217,7 +218,7 @@ pub fn table_beside_paper(header: &[&str], rows: &[Vec<String>]) -> String {
     table(&header, &rows.iter().map(kept).collect::<Vec<_>>())
 }
 
-/// A table with aligned columns: numbers to the right, the first column and words to the left.
+/// Table with aligned columns: numbers to the right, the first column and words to the left.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count());
@@ -247,12 +248,12 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
-/// A number with so many digits, or a dash.
+/// Number with `digits` decimals, or a dash.
 pub fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
 }
 
-/// A number with four digits, very small and very large ones by their power of ten.
+/// Number with four significant digits, very small and very large ones with an exponent.
 pub fn short(value: f64) -> String {
     let four: f64 = format!("{value:.3e}").parse().unwrap_or(value);
     match four != 0.0 && !(1e-3..1e6).contains(&four.abs()) {
@@ -261,7 +262,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// A number with three digits that count, at most six behind the point; zero as it is.
+/// Number with three significant digits and at most six decimals; zero unchanged.
 pub fn three_digits(value: f64) -> String {
     let size = value.abs();
     match size.is_finite() && size >= 1e-6 {
@@ -276,7 +277,7 @@ pub fn three_digits(value: f64) -> String {
     }
 }
 
-/// A number with all its digits, small ones by their power of ten.
+/// Number with all its digits, small ones with an exponent.
 pub fn number(value: f64) -> String {
     match value != 0.0 && value.abs() < 1e-3 {
         true => format!("{value:e}"),
@@ -292,7 +293,7 @@ mod tests {
     fn control_characters_are_shown_and_not_obeyed() {
         assert_eq!(escaped("a\u{202e}b"), "a\\u{202e}b");
         assert_eq!(escaped("a\x1b[2Jb\r\u{9b}\tc\n"), "a\\u{1b}[2Jb\\r\\u{9b}\tc\n");
-        // colours of our own messages stay
+        // colours of the program's own messages are kept
         assert_eq!(without_commands("\x1b[31mred\x1b[0m"), "\x1b[31mred\x1b[0m");
         assert_eq!(without_commands("\x1b[2J\x1b]0;t\x07"), "\\u{1b}[2J\\u{1b}]0;t\\u{7}");
     }

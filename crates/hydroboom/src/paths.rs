@@ -1,7 +1,7 @@
-//! Files and folders that commands are given: what is read, and what is written.
+//! Paths given to commands: inputs and outputs.
 //!
-//! An option has the type of its role, and so every command's paths are looked at before it begins: no
-//! output is an input, and no two outputs are one file.
+//! The type of an option states the role of its path, so that all paths of a command are checked before it
+//! starts: no output is an input, and no two outputs are the same file.
 
 use crate::machine_argument::MachineArgument;
 use crate::output;
@@ -38,20 +38,20 @@ macro_rules! path_of_a_role {
 }
 
 path_of_a_role!(
-    /// A file that is read, and never written.
+    /// File that is read and never written.
     InputFile,
-    /// A file that is written; one that a command keeps for its next run is read first, too.
+    /// File that is written. A file kept for the next run is also read first.
     OutputFile,
-    /// A folder that files are written into.
+    /// Folder into which files are written.
     OutputFolder
 );
 
-/// Looks at the paths of a command before it begins. An output that cannot be written is told at once
-/// and counts at the end: what else the command makes is not lost for it.
+/// Checks the paths of a command before it starts. An output that cannot be written is reported at once and
+/// counts at the end, so that the other outputs are still made.
 ///
 /// # Errors
 ///
-/// When an output is an input, two outputs are one file, or a folder to write into is a file.
+/// If an output is an input, two outputs are the same file, or an output folder is a file.
 pub fn check(arguments: &ArgMatches) -> Result<()> {
     for input in all::<InputFile>(arguments) {
         protect(&input);
@@ -79,7 +79,7 @@ pub fn check(arguments: &ArgMatches) -> Result<()> {
             Err(error) => output::warn(&format!("{error}; all else goes on")),
             Ok(()) => {}
         }
-        // what holds no content, such as a pipe, may be written twice
+        // a path without stored content, such as a pipe, may be written twice
         let Some(identity) = Identity::of(&output) else { continue };
         if let Some((_, other)) = before.iter().find(|(known, _)| known.is_same(&identity)) {
             return Err(miette!(
@@ -94,7 +94,7 @@ pub fn check(arguments: &ArgMatches) -> Result<()> {
     Ok(())
 }
 
-/// All values of a type that a command and its subcommands were given, defaults too.
+/// All values of a type given to a command and its subcommands, including defaults.
 fn all<T: Any + Clone + Send + Sync>(arguments: &ArgMatches) -> Vec<T> {
     let mut found = Vec::new();
     let mut at = Some(arguments);

@@ -1,11 +1,11 @@
-//! Whether this processor has the instructions the program was compiled with.
+//! Check that the processor has the instructions the program was compiled for.
 
-/// Ends the program with a message where an unknown instruction would end it without one.
+/// Ends the program with a message instead of an illegal instruction.
 #[cfg(target_arch = "x86_64")]
 pub fn check() {
     use std::arch::x86_64::{__cpuid, __cpuid_count};
-    // asked of the processor itself: the standard library's detection takes what the build assumes
-    // for granted
+    // the processor itself is queried, because the standard library's detection trusts the build's target
+    // features
     const FMA: u32 = 1 << 12;
     const AVX2: u32 = 1 << 5;
     let fused = !cfg!(target_feature = "fma") || __cpuid(1).ecx & FMA != 0;
@@ -20,6 +20,6 @@ pub fn check() {
     }
 }
 
-/// Nothing to ask elsewhere: only x86-64 is compiled for more than its oldest member.
+/// No check on other architectures: only x86-64 is compiled for more than its baseline.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn check() {}

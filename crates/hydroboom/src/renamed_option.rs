@@ -1,8 +1,8 @@
-//! Options that have another name now: the old one is refused with the new.
+//! Renamed options: the old name is refused with a hint to the new one.
 
 use miette::{Result, bail};
 
-/// Refuses an option that was given by its old name.
+/// Refuses an option given by its old name.
 pub fn refuse(is_given: bool, old: &str, new: &str) -> Result<()> {
     if is_given {
         bail!("{old} is now {new}: the same with that name");

@@ -93,7 +93,7 @@ impl Scenarios {
     }
 }
 
-/// A strategy's row, with a mark where it is unstable; errors of a run in sustained oscillation are none.
+/// Row of a strategy, marked if unstable; without errors for a run in sustained oscillation.
 fn row(strategy: Strategy, s: &Summary, loops: &[LoopStability]) -> Vec<String> {
     let has_unstable_loop = loops.iter().any(|of| !of.stable && of.is_of(strategy));
     let is_stable = s.stable != Some(false);

@@ -1,4 +1,4 @@
-//! Tracking error and p_A of machines under the scheduled LQR, which knows the described crane only.
+//! Tracking error and p_A of machines under the scheduled LQR, which uses the described crane only.
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -9,12 +9,12 @@ use hydroboom_lab::closed_loop::simulation::simulate_closed_loop;
 use hydroboom_sensitivity::with_value;
 use rayon::prelude::*;
 
-/// RMS of the true tracking error \[m\] and of the swing of p_A about its mean \[Pa\] of a machine with these numbers, sensors and motor ideal, along the motion
-/// at a speed \[m/s\].
+/// RMS true tracking error \[m\] and RMS of p_A about its mean \[Pa\] of a machine with these numbers,
+/// ideal sensors and motor, along the motion at a speed \[m/s\].
 ///
 /// # Errors
 ///
-/// [`LabError`] when there is no such machine, or it leaves what the model holds for.
+/// [`LabError`] if there is no such machine, or its state leaves the model's range of validity.
 pub fn rerun(
     crane: &Description,
     numbers: &Numbers<f64>,
@@ -36,7 +36,8 @@ pub fn rerun(
     Ok([(square / count).sqrt(), swing.sqrt()])
 }
 
-/// The same with each key at both of its ends \[SI\]; none where there is no such machine, or it cannot follow.
+/// The same with each key at both ends of its range \[SI\]; none if there is no such machine, or it cannot
+/// follow.
 pub fn at_ends(
     crane: &Description,
     ends: &[(Free, [f64; 2])],

@@ -57,20 +57,20 @@ pub struct Sensitivity {
     json: bool,
 }
 
-/// What came of it.
+/// Results of the analysis.
 struct Found {
     case: Case,
-    /// Those of the case, then those that are re-run only.
+    /// Outputs of the case, then those that are only recomputed by simulation.
     outputs: Vec<Output>,
-    /// Outputs of the machine as described \[SI\].
+    /// Outputs of the described machine \[SI\].
     values: Vec<f64>,
-    /// Slopes; none of outputs that are re-run only.
+    /// Local sensitivities; none for outputs that are only recomputed.
     local: Vec<Local>,
-    /// Values of each key at both ends, less and more \[SI\].
+    /// Values of each key at both ends of its range, low and high \[SI\].
     ends: Vec<[f64; 2]>,
-    /// All outputs there.
+    /// All outputs at these values.
     at_ends: Vec<[Option<Vec<f64>>; 2]>,
-    /// Indices by output, and rows that were simulated whole.
+    /// Sobol indices by output, and number of complete simulation rows.
     global: Option<(Vec<Sobol>, usize)>,
 }
 
@@ -105,7 +105,7 @@ impl Sensitivity {
             values.extend(of(own));
             for (known, found) in at_ends.iter_mut().zip(others) {
                 for (known, found) in known.iter_mut().zip(found) {
-                    // a machine that one of them cannot lead has no outputs at all
+                    // a machine that one of them cannot control has no outputs at all
                     *known = known.take().zip(found).map(|(mut all, both)| {
                         all.extend(of(both));
                         all
@@ -179,48 +179,48 @@ impl Sensitivity {
 }
 
 impl Found {
-    /// An output with a key at one of its ends (0: less, 1: more) \[SI\].
+    /// Output with a key at one end of its range (0: low, 1: high) \[SI\].
     fn at(&self, key: usize, end: usize, output: usize) -> Option<f64> {
         self.at_ends[key][end].as_ref().map(|outputs| outputs[output])
     }
 
-    /// The largest change of an output that a key makes at its ends \[SI\].
+    /// Largest change of an output by a key within its range \[SI\].
     fn change(&self, key: usize, output: usize) -> f64 {
         let change =
             |end| self.at(key, end, output).map_or(0.0, |v| (v - self.values[output]).abs());
         change(0).max(change(1))
     }
 
-    /// Slope of an output in per cent for a per cent of a key; none of an output without slopes.
+    /// Relative sensitivity of an output to a key \[% per %\]; none for an output without derivatives.
     fn slope(&self, key: usize, output: usize) -> Option<f64> {
         self.local[key].slopes.get(output).map(|slope| slope / self.values[output])
     }
 
-    /// A key's value at one of its ends, in its unit.
+    /// Value of a key at one end of its range, in its unit.
     fn end(&self, key: usize, end: usize) -> f64 {
         KEYS[self.local[key].key.place].to_unit(self.ends[key][end])
     }
 
-    /// The same with five digits, for people.
+    /// The same with five significant digits as text.
     fn end_text(&self, key: usize, end: usize) -> String {
         let value = self.end(key, end);
         output::number(format!("{value:.4e}").parse().unwrap_or(value))
     }
 
-    /// Keys in the order of the change that they make, the largest first.
+    /// Keys ranked by their change of an output, the largest first.
     fn ranked(&self, output: usize) -> Vec<usize> {
         let mut list: Vec<usize> = (0..self.local.len()).collect();
         list.sort_by(|a, b| self.change(*b, output).total_cmp(&self.change(*a, output)));
         list
     }
 
-    /// Indices of an output, where there are any.
+    /// Sobol indices of an output, if any.
     fn indices(&self, output: usize) -> Option<&Sobol> {
         self.global.as_ref().and_then(|(indices, _)| indices.get(output))
     }
 }
 
-/// What the columns mean.
+/// Explanation of the columns.
 const ENDS: &str = "less, more: the ends of what is known of the key, by its provenance, and the output of the machine re-run there (-: there is no such \
     machine, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
 
@@ -320,7 +320,7 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
     let mut figures = Vec::new();
     for (k, output) in found.outputs.iter().enumerate() {
         let (unit, size) = output.unit();
-        // a bar for each end: near a minimum both are on one side
+        // one bar per end: near a minimum both are on one side
         let mut changes = Vec::new();
         for key in found.ranked(k).into_iter().take(10) {
             let (path, key_unit) =

@@ -40,7 +40,8 @@ impl Study {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let clock = Instant::now();
-        // the plant of the published experiments is the model: drive and sensors of the file are a machine's
+        // the plant of the published experiments is the model: drive and sensors of the file belong to a
+        // machine
         let mut description = self.crane.read()?.without_equipment();
         let said =
             |done: &str| output::note(&format!("{:5.1} s  {done}", clock.elapsed().as_secs_f64()));
@@ -166,7 +167,7 @@ impl Study {
     }
 }
 
-/// A table without the virtual crane's columns, where there is none.
+/// Table without the virtual crane's columns if there is none.
 fn without_virtual<'a>(
     study: &study::Study,
     header: &[&'a str],
@@ -179,7 +180,7 @@ fn without_virtual<'a>(
     (shown.iter().map(|k| header[*k]).collect(), rows.collect())
 }
 
-/// The paper's headline claims, "paper | here".
+/// Main claims of the paper, "paper | here".
 fn claims_table(study: &study::Study) -> String {
     let shown: Vec<[String; 8]> = study
         .claims

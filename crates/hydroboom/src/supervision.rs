@@ -39,7 +39,7 @@ pub struct Supervision {
     json: bool,
 }
 
-/// What is shown.
+/// Content of the output.
 struct Shown {
     crane: String,
     limits: Limits,

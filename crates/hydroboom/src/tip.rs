@@ -21,9 +21,9 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use toml_edit::DocumentMut;
 
-/// Standard deviations beyond which a pose is an outlier.
+/// Residual in standard deviations above which a pose is an outlier.
 const OUTLIER_DEVIATIONS: f64 = 3.5;
-/// 95 % of a normal distribution lie within so many standard deviations.
+/// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
 
 /// Fit the numbers of the tip's estimator (base, bending, zero of the stroke) to a survey, or test the estimated tip on virtual cranes, each surveyed by itself.
@@ -135,7 +135,7 @@ impl Tip {
         ))
     }
 
-    /// The crane file with the fitted keys.
+    /// Crane file with the fitted keys.
     fn with_keys(&self, fit: &SurveyFit, path: &Path) -> Result<String> {
         let mut document: DocumentMut = self.crane.text()?.parse().into_diagnostic()?;
         let file = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into());
@@ -232,7 +232,7 @@ fn table(found: &TipAccuracy) -> String {
     output::table(&header, &cells) + &failed
 }
 
-/// A key's value in its unit, with digits that count.
+/// Value of a key in its unit with significant digits only.
 fn in_unit(path: &str, si: f64) -> f64 {
     let value = KEYS.iter().find(|key| key.path() == path).map_or(si, |key| key.to_unit(si));
     format!("{value:.5e}").parse().unwrap_or(value)

@@ -59,7 +59,7 @@ impl Trials {
     pub fn run(self) -> Result<()> {
         renamed_option::refuse(self.rivals, "--rivals", "--baselines")?;
         let choice = MachineChoice::read(&self.crane, None)?;
-        // from the empty hook to the heaviest load of the trials
+        // from the empty hook to the heaviest payload of the trials
         let payloads = [0.0, HEAVIEST * choice.machine.numbers.payload];
         let (choice, gains) = match self.gains_as_given {
             true => (choice, None),

@@ -46,24 +46,24 @@ pub struct Validate {
     json: bool,
 }
 
-/// One signal, in numbers and words.
+/// Difference of one signal with its description.
 struct Finding {
     difference: Difference,
     sensor: Option<SignalFault>,
     said: String,
 }
 
-/// A segment of a log beside the model.
+/// Comparison of a segment of a log with the model.
 struct Part {
     experiment: Experiment,
     prediction: Prediction,
     findings: Vec<Finding>,
-    /// Faults of signals, in words those of inputs.
+    /// Faults of signals, with a text for those of inputs.
     faults: Vec<SignalFault>,
     inputs: Vec<String>,
-    /// What the model is right for once the faults that the log tells are mended, where there are such.
+    /// Verdict after correction of the isolated faults, if there are any.
     mended: Option<Vec<Judgement>>,
-    /// What would move all of it, and that in words.
+    /// Proposed changes of keys, and their text.
     remedies: Vec<Remedy>,
     advice: Option<String>,
     verdict: Vec<Judgement>,
@@ -126,7 +126,7 @@ impl Validate {
         output::text(&said)
     }
 
-    /// In JSON: of a log of several segments, the longest one's signals and then each segment.
+    /// JSON. For a log of several segments: the signals of the longest one, then each segment.
     fn in_json(&self, crane: &Description, parts: &[Part], notes: &[String]) -> Value {
         let of = |part: &Part| {
             json!({
@@ -183,10 +183,11 @@ fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
     })
 }
 
-/// Said of what is left without the faults that the log tells; keys are looked for in that.
+/// Text before the verdict on the corrected log, in which keys are searched.
 const MENDED: &str = "With that mended:";
 
-/// An accumulator that begins elsewhere than the crane file has it, where no other pressure of the low side tells why.
+/// Remark on an initial accumulator pressure that differs from the crane file's, unless another low-side
+/// pressure explains it.
 fn charge(crane: &Description, experiment: &Experiment) -> Option<String> {
     let others = [Signal::PressureB, Signal::PressurePumpB];
     let begun = experiment.begun(Signal::PressureAccumulator)?;
@@ -214,9 +215,9 @@ const HEADER: [&str; 10] = [
     "coloured",
 ];
 
-/// Place of the frequencies among the columns.
+/// Index of the frequencies among the columns.
 const RINGS: usize = 7;
-/// Said of frequencies in brackets.
+/// Note on frequencies in brackets.
 const SPECTRUM: &str = "(...): no frequency that is judged: a peak of the spectrum alone, to which no oscillation that fades could be fitted, or an oscillation that fades within \
     fewer than four periods.";
 
@@ -278,7 +279,7 @@ fn late_input_in_json(of: &SignalFault) -> Option<Value> {
 }
 
 fn remedy_in_json(r: &Remedy) -> Value {
-    // frequencies and damping ratios stay as they are
+    // frequencies and damping ratios have no unit to convert
     let in_unit = |moved: &Moved| match moved.aspect {
         Aspect::Position | Aspect::Pressures => moved.signal.shown().1,
         Aspect::Frequency | Aspect::Damping => 1.0,
@@ -306,7 +307,7 @@ fn paper_figure(signal: Signal) -> u32 {
     18 + FIGURES.iter().position(|s| *s == signal).unwrap_or(0) as u32
 }
 
-/// Which segment of a log something is of, where it has several.
+/// Name of the segment of an experiment, if the log has several.
 fn of_segment(parts: &[Part], experiment: &Experiment) -> String {
     match parts.len() {
         0 | 1 => String::new(),
@@ -341,7 +342,7 @@ fn page(
         let difference = Figure { x, y: &y, series, axes: Axes::Linear }.drawn()?;
         figures.push((signal, of_segment(parts, experiment), both, difference));
     }
-    // the paper's numbers say nothing beside another crane
+    // the paper's values are shown for its own crane only
     let is_published = paper::is_its_crane(crane);
     let paper_row = |signal: Signal| paper::TABLE_6.iter().find(|row| row.0 == signal.symbol());
     let driven_by = match crane.choices.circuit {

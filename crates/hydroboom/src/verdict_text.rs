@@ -1,4 +1,4 @@
-//! Whether a model is right for a log, in words and for machines.
+//! Verdict on a model as text and JSON.
 
 use crate::output::three_digits;
 use hydroboom_identify::{Aspect, Judgement};
@@ -33,7 +33,7 @@ fn number(j: &Judgement) -> String {
     }
 }
 
-/// One sentence: what the model is right for, and what not.
+/// One sentence with the aspects within and beyond their limits.
 pub fn said(judgements: &[Judgement]) -> String {
     let of = |is_right: bool| {
         let all = judgements.iter().filter(|j| j.is_right() == is_right);
@@ -59,7 +59,7 @@ pub fn said(judgements: &[Judgement]) -> String {
     format!("The model is {}.", parts.join("; ")).replace("is the log", "is not judged: the log")
 }
 
-/// For machines.
+/// Judgements as JSON.
 pub fn in_json(judgements: &[Judgement]) -> Vec<Value> {
     let of = |j: &Judgement| {
         json!({

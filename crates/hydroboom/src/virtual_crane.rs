@@ -19,10 +19,10 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// Strategies by their names, all that there are.
+/// Parser of all strategies by their names.
 pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
     let offered = Strategy::ALL.map(|strategy| PossibleValue::new(strategy.name()));
-    // refused by a sentence of its own
+    // refused with its own message
     let replaced = PossibleValue::new("model-following").hide(true);
     PossibleValuesParser::new(offered.into_iter().chain([replaced]))
         .try_map(|name| name.parse::<Strategy>())
@@ -211,8 +211,7 @@ impl Virtual {
     }
 }
 
-/// Whether an override is of a setting of estimator or law.
-/// The first key of its file that only a controller reads.
+/// First key of the crane file that only a controller uses.
 fn key_of_controller(crane: &Description) -> Option<String> {
     let mut entries = crane.entries();
     let found = entries.find(|(key, _, origin)| {
@@ -221,9 +220,10 @@ fn key_of_controller(crane: &Description) -> Option<String> {
     found.map(|(key, ..)| key.path())
 }
 
-/// Sections of the crane file that only a controller reads.
+/// Sections of the crane file that only a controller uses.
 const CONTROLLER_SECTIONS: [&str; 2] = ["estimator", "scheduled_lqr"];
 
+/// Whether an override sets a key of estimator or control law.
 fn is_of_controller(assignment: &str) -> bool {
     let section = assignment.trim().split('.').next();
     section.is_some_and(|section| CONTROLLER_SECTIONS.contains(&section))

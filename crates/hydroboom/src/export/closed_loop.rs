@@ -58,7 +58,7 @@ const ALL: [What; 10] = [
     What::FmuSimulationFeedforward,
 ];
 
-/// Control periods of the reference to come that the scheduled LQR is given.
+/// Control periods of preview for the scheduled LQR.
 const PREVIEW: usize = PERIODS_AHEAD;
 
 /// Run exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
@@ -150,7 +150,7 @@ impl ClosedLoop {
             })
             .collect::<Result<Vec<_>>>();
         drop(progress);
-        // what is left there is of no use to anybody
+        // an error of the removal has no consequence
         let _ = std::fs::remove_dir_all(&folder);
         let rows: Vec<Row> = rows?.into_iter().flatten().collect();
         if let Some(path) = &self.csv {
@@ -171,7 +171,7 @@ impl ClosedLoop {
     }
 }
 
-/// What makes a target for each trial.
+/// Factory of a target for each trial.
 enum Maker {
     Benchmark,
     SimulationFeedforward,
@@ -180,7 +180,7 @@ enum Maker {
 }
 
 impl What {
-    /// Whether it has gains that can be changed while it runs.
+    /// Whether its gains can be changed during a run.
     fn has_gains(self) -> bool {
         !matches!(
             self,
@@ -191,7 +191,7 @@ impl What {
         )
     }
 
-    /// Compiles what is to be compiled, once.
+    /// Compiles the target once.
     fn maker(self, model: &Description, folder: &Path) -> Result<Maker> {
         let n = &model.numbers;
         let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
@@ -247,7 +247,7 @@ impl Maker {
     }
 }
 
-/// The engagements one by one; of wrong inputs the worst of each input and kind.
+/// All undisturbed engagements; for wrong inputs the worst one of each input and kind.
 fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
     let mut shown: Vec<Vec<String>> = Vec::new();
     let plain = rows.iter().filter(|row| row.case.disturbed.is_none());
@@ -285,17 +285,17 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
     )
 }
 
-/// What came of all trials of a target.
+/// Results of all trials of a target.
 struct Compared {
     target: &'static str,
     trials: usize,
-    /// In which the controller had the load to the end.
+    /// Trials in which the controller moved the load to the end.
     controlled: usize,
-    /// That ended in a fault, with the load held.
+    /// Trials that ended in a fault with the load held.
     faults: usize,
     beyond: usize,
     oscillating: usize,
-    /// Moves that it and the first target both ended, and those of them with a larger root mean square error.
+    /// Motions completed by both it and the first target, and those of them with a larger RMS error.
     compared: usize,
     worse: usize,
 }
@@ -327,7 +327,7 @@ impl Compared {
     }
 }
 
-/// Counts of each target, beside the first.
+/// Results of each target, compared with the first.
 fn compared(rows: &[Row]) -> Vec<Compared> {
     let first = rows.first().map_or("", |row| row.target);
     let mut all: Vec<Compared> = Vec::new();

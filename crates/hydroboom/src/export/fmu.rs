@@ -32,7 +32,7 @@ enum What {
 }
 
 impl What {
-    /// Names of what can be exported, in one text.
+    /// Names of all exportable blocks as text.
     fn exported() -> String {
         let all = Self::value_variants().iter().filter_map(Self::to_possible_value);
         let shown = all.filter(|value| !value.is_hide_set());
@@ -101,7 +101,7 @@ impl Fmu {
                 Some(made.map(|library| (system, library)))
             })
             .collect::<Result<Vec<_>, _>>();
-        // what is left there is of no use to anybody
+        // an error of the removal has no consequence
         let _ = std::fs::remove_dir_all(&folder);
         let binaries = made.into_diagnostic()?;
         let bytes = archive(&unit, &binaries).into_diagnostic()?;

@@ -48,7 +48,7 @@ impl Export {
     }
 }
 
-/// Says which of the exported controllers is unstable around the crane that it is exported for.
+/// Warns of exported controllers whose loop on the crane is unstable.
 fn warn_of_unstable(crane: &Description) -> Result<()> {
     let loops = [
         benchmark_stability(crane, None).into_diagnostic()?,
@@ -60,20 +60,20 @@ fn warn_of_unstable(crane: &Description) -> Result<()> {
     Ok(())
 }
 
-/// A file that is to be written.
+/// File to be written.
 struct File {
     name: String,
     content: String,
 }
 
-/// Writes files into a folder, which is made; says what was written.
+/// Writes files into a folder, which is created, and lists them.
 fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Result<()> {
     output::folder(folder);
     let mut made: Vec<(PathBuf, &File)> = Vec::new();
     for file in files {
         let path = folder.join(&file.name);
         output::file(&path, file.content.as_bytes());
-        // a folder that could not be made has no files, whatever a write into it comes to
+        // in a folder that could not be created no file was written, whatever the write returned
         if output::is_written(&path) {
             made.push((path, file));
         }
@@ -112,7 +112,7 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     output::text(&said)
 }
 
-/// Files of a folder that are none of these, and of the same kinds: what an earlier export left.
+/// Other files of the same kinds in a folder, left by an earlier export.
 fn others(folder: &Path, files: &[File]) -> Vec<String> {
     let kind = |name: &str| Path::new(name).extension().map(|e| e.to_os_string());
     let kinds: Vec<_> = files.iter().filter_map(|file| kind(&file.name)).collect();
@@ -126,7 +126,7 @@ fn others(folder: &Path, files: &[File]) -> Vec<String> {
     others
 }
 
-/// Floating-point operations of each entry of some blocks.
+/// Floating-point operations of each entry of the blocks.
 fn flops(blocks: &[Block]) -> Result<Vec<(String, usize)>, ExportError> {
     let mut all = Vec::new();
     for block in blocks {

@@ -1,4 +1,4 @@
-//! `hydroboom log inspect`: what a log has, and what is taken for which signal.
+//! `hydroboom log inspect`: contents of a log, and the assignment of columns to signals.
 
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, suspicions};
@@ -13,9 +13,9 @@ use miette::Result;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
-/// Gaps that are shown, at most.
+/// Largest number of gaps shown.
 const MOST_GAPS: usize = 5;
-/// Segments that are shown of a clock, at most.
+/// Largest number of segments shown per clock.
 const MOST_SEGMENTS: usize = 20;
 
 #[derive(Args)]
@@ -34,14 +34,14 @@ pub struct Inspect {
     json: bool,
 }
 
-/// A column of a log.
+/// Column of a log.
 struct Column<'a> {
     channel: &'a Channel,
-    /// What a mapping calls it.
+    /// Name of the column in a mapping.
     address: String,
     base: Option<TimeBase>,
     range: Option<Range>,
-    /// The signal that it is taken for.
+    /// Signal assigned to the column.
     signal: Option<(Signal, &'a Entry)>,
 }
 
@@ -75,7 +75,7 @@ impl Inspect {
     }
 }
 
-/// The columns of a log, in their order.
+/// Columns of a log in their order.
 fn columns<'a>(log: &'a Measurement, mapping: &'a Mapping) -> Vec<Column<'a>> {
     let of_entry = |(signal, entry): (&Signal, &'a Entry)| {
         let channel = log.channel(&entry.column)?;
@@ -101,7 +101,7 @@ impl Column<'_> {
         self.range.map_or(self.channel.values.len(), |r| r.missing)
     }
 
-    /// Smallest and largest value: as the mapping makes them where the column is taken for a signal, in the signal's unit.
+    /// Smallest and largest value. With an assigned signal they are mapped values in the signal's unit.
     fn shown(&self) -> Option<(f64, f64)> {
         let range = self.range?;
         let Some((_, e)) = self.signal else { return Some((range.low, range.high)) };
@@ -157,10 +157,10 @@ impl Column<'_> {
     }
 }
 
-/// Letters of a column's name that are shown in a table, at most.
+/// Largest number of letters of a column's name in a table.
 const MOST_LETTERS: usize = 60;
 
-/// A name as it stands in a table: on one line, and not longer than the table can bear.
+/// Name for a table: one line of limited length.
 fn excerpt(name: &str) -> String {
     let plain: String = name.chars().map(|c| if c.is_whitespace() { ' ' } else { c }).collect();
     match plain.chars().count() <= MOST_LETTERS {
@@ -169,7 +169,7 @@ fn excerpt(name: &str) -> String {
     }
 }
 
-/// How many columns there are, from when to when, and a table of them.
+/// Number of columns, time range, and a table of them.
 fn overview(columns: &[Column<'_>]) -> String {
     let bases = columns.iter().filter_map(|c| c.base.as_ref());
     let (begin, end) = bases.fold((f64::INFINITY, f64::NEG_INFINITY), |(begin, end), base| {
@@ -191,7 +191,7 @@ fn overview(columns: &[Column<'_>]) -> String {
     format!("{} columns, {begin:.3} to {end:.3} s\n{table}", columns.len())
 }
 
-/// The segments of each clock that has several, with the columns that have it.
+/// Segments of each clock that has several, with its columns.
 fn segments(channels: &[Channel]) -> Vec<(String, Vec<Segment>)> {
     let mut found: Vec<(Vec<&str>, Vec<Segment>)> = Vec::new();
     for channel in channels.iter().filter(|c| !c.breaks.is_empty()) {
@@ -224,7 +224,7 @@ fn segment_lines(channels: &[Channel]) -> Vec<String> {
     lines
 }
 
-/// Each gap once, however many columns have it.
+/// All gaps, each once with its columns.
 fn gap_lines(columns: &[Column<'_>]) -> Vec<String> {
     let mut gaps: Vec<Gap> = Vec::new();
     let mut bases: Vec<&TimeBase> = Vec::new();
@@ -244,7 +244,7 @@ fn gap_lines(columns: &[Column<'_>]) -> Vec<String> {
     lines
 }
 
-/// What had to be done to read the log, what looks suspicious, and which signals it lacks.
+/// Remarks on the reading of the log, suspicious values, and missing signals.
 fn remarks(
     log: &Measurement,
     mapping: &Mapping,

@@ -1,4 +1,4 @@
-//! A machine in another process, over the local interface: waiting for it, and what is said of it.
+//! Attachment of a machine in another process on the local interface: waiting for it, and the report.
 
 use crate::output;
 use hydroboom_description::Description;
@@ -15,9 +15,9 @@ use miette::{IntoDiagnostic, Result, miette};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// Time between two looks at whether somebody has ended the wait \[ns\].
+/// Interval of the check for the end of the wait \[ns\].
 const LOOK: u64 = 100_000_000;
-/// After so long it is said what is waited for.
+/// Time after which the wait is reported.
 const SILENT: Duration = Duration::from_millis(300);
 
 /// Opens the port for a model's control period.
@@ -25,13 +25,14 @@ pub fn open(port: u16, model: &Description) -> Result<(BusTask, LocalMachine)> {
     BusTask::open(port, model.numbers.control_period).into_diagnostic()
 }
 
-/// Waits until a machine has begun a session, and says which; false where somebody ended the wait.
+/// Waits until a machine has begun a session, and prints its address; false if the wait was ended by the
+/// operator.
 pub fn wait_for_machine(bus: &mut BusTask, desk: &Desk) -> Result<bool> {
     let (begun, port) = (Instant::now(), bus.port());
     let mut is_said = false;
     while !bus.endpoint.has_begun() {
         bus.wait(LOOK);
-        // no clock of ours is in a simulated time, and none is needed before it begins
+        // the clock is not used before the session begins
         bus.receive(0);
         if let Some(difference) = bus.endpoint.difference() {
             return Err(miette!("no session: {difference}"));
@@ -52,16 +53,16 @@ pub fn wait_for_machine(bus: &mut BusTask, desk: &Desk) -> Result<bool> {
     Ok(true)
 }
 
-/// A session that has begun.
+/// Attachment of a session that has begun.
 pub enum Attached {
-    /// In simulated time: both ends take turns.
+    /// In simulated time: both ends alternate.
     InLockstep(Box<BusTask>),
     /// In real time: a thread of its own answers the machine.
     InRealTime(BusThread),
 }
 
 impl Attached {
-    /// With the controller's end.
+    /// Attachment with the controller's end.
     pub fn begin(bus: BusTask, is_in_simulated_time: bool) -> Self {
         match is_in_simulated_time {
             true => Self::InLockstep(Box::new(bus)),
@@ -69,7 +70,8 @@ impl Attached {
         }
     }
 
-    /// Runs until the session is over; deadlines, in real time, and what the attachment came to.
+    /// Runs until the session is over; returns the deadline statistics, in real time, and the attachment's
+    /// report.
     pub fn run(
         self,
         model: &Description,
@@ -97,7 +99,7 @@ impl Attached {
     }
 }
 
-/// For machines.
+/// Report as JSON.
 pub fn json(report: &BusReport) -> Value {
     let BusReport { counters, refused, link, remarks } = report;
     json!({
@@ -110,7 +112,7 @@ pub fn json(report: &BusReport) -> Value {
     })
 }
 
-/// For people.
+/// Report as text.
 pub fn text(report: &BusReport) -> String {
     let BusReport { counters, refused, link, remarks } = report;
     let mut said = format!(

@@ -126,7 +126,7 @@ pub struct Run {
     json: bool,
 }
 
-/// Says before anything moves which loop will be unstable around the machine.
+/// Warns before any motion of loops that are unstable on the machine.
 fn warn_of_unstable(cranes: &Cranes, strategies: [Strategy; 2]) -> Result<()> {
     let loops = stability_of(&strategies, &cranes.model, &cranes.machine).into_diagnostic()?;
     for unstable in loops.iter().filter(|of| !of.stable) {
@@ -135,7 +135,7 @@ fn warn_of_unstable(cranes: &Cranes, strategies: [Strategy; 2]) -> Result<()> {
     Ok(())
 }
 
-/// What runs, and with what.
+/// Model and machine of a run.
 type Cranes = MachineChoice;
 
 impl Run {
@@ -160,7 +160,7 @@ impl Run {
         let strategy = self.strategy;
         let then = self.then.unwrap_or(strategy);
         if strategy.estimates() || then.estimates() {
-            // a crane that has no such design is told so here, and not steered by the benchmark in silence
+            // a crane without this design is refused here, instead of a silent fallback to the benchmark
             scheduled_lqr_controller(&cranes.model).into_diagnostic()?;
         }
         warn_of_unstable(&cranes, [strategy, then])?;
@@ -191,7 +191,8 @@ impl Run {
                     );
                 }
                 attend(&desk)?;
-                // all is ready before a session begins: the machine is answered from then on
+                // everything is prepared before the session begins, because the machine must be answered
+                // from then on
                 let tasks = cranes.control_and_simulation(begin)?;
                 let (mut bus, side) = attachment::open(port, &cranes.model)?;
                 if !attachment::wait_for_machine(&mut bus, &desk)? {
@@ -230,7 +231,7 @@ impl Run {
         if let (Some(path), Some(lost)) = (&self.log, watch.close_log()) {
             output::written(path, Err(lost));
         }
-        // none of them is lost for another
+        // each output is written even if another one fails
         let recorded = self.record(&cranes.model, &watch);
         self.retain(&cranes.model, &watch);
         let done = (real_time.as_ref(), bus.as_ref());
@@ -238,7 +239,7 @@ impl Run {
         recorded.and(concluded)
     }
 
-    /// Limits of the crane, its delivered flow against the baseline where one is named.
+    /// Supervision limits of the crane, with the flow monitor narrowed to a baseline if one is named.
     fn limits(&self, model: &Description) -> Result<Limits> {
         let mut limits = limits(model, model.numbers.fast).into_diagnostic()?;
         if let Some(path) = &self.baseline {
@@ -248,7 +249,7 @@ impl Run {
         Ok(limits)
     }
 
-    /// The estimator's parameters of an earlier run, where there is a file of them.
+    /// Estimator parameters of an earlier run, if their file exists.
     fn retained(&self, model: &Description) -> Result<Option<RetainedParameters<f64>>> {
         match &self.parameters {
             Some(path) if path.exists() => {
@@ -272,7 +273,7 @@ impl Run {
         }
     }
 
-    /// Writes the estimator's parameters for the next run; those of an estimator that diverged are not kept.
+    /// Writes the estimator's parameters for the next run; those of a diverged estimator are not kept.
     fn retain(&self, model: &Description, watch: &Watch) {
         let Some(path) = &self.parameters else { return };
         let diverged = Some(Fallback::Estimator.name());
@@ -318,7 +319,7 @@ impl Run {
         Ok(())
     }
 
-    /// Who looks on.
+    /// Attendant of the run.
     fn watch(
         &self,
         cranes: &Cranes,
@@ -363,7 +364,7 @@ impl Run {
         Ok(watch.with_dashboard(dashboard, cranes.courses()))
     }
 
-    /// The course that the dashboard begins with.
+    /// First course of the dashboard.
     fn chosen_course(&self, cranes: &Cranes) -> dashboard::Course {
         match &self.scenario {
             Some(name) => dashboard::Course::Scenario { name: name.clone() },
@@ -374,7 +375,7 @@ impl Run {
         }
     }
 
-    /// Says what came of it, and writes the report.
+    /// Prints the results and writes the report.
     fn conclude(
         &self,
         cranes: &Cranes,
@@ -439,7 +440,7 @@ impl Run {
         ))
     }
 
-    /// What the paper measured in the same test.
+    /// Values measured by the paper in the same test.
     fn paper(&self, cranes: &Cranes, results: &[CourseResult]) -> Option<[f64; 2]> {
         let result = results.first().filter(|r| r.then.is_none() && self.scenario.is_none())?;
         let speed = self.speed_mm_s.unwrap_or(cranes.model.numbers.fast * 1e3);
@@ -449,13 +450,13 @@ impl Run {
     }
 }
 
-/// Longer courses are not run beforehand in simulated time \[s\].
+/// Longest course that is simulated beforehand \[s\].
 const LONGEST_BEFOREHAND: f64 = 120.0;
 
-/// With what a run begins: strategy, limits, and the estimator's parameters of an earlier one.
+/// Start of a run: strategy, limits, and the estimator's parameters of an earlier run.
 type Begin = (Strategy, Limits, Option<RetainedParameters<f64>>);
 
-/// The virtual crane in a process of its own, in real time.
+/// Runs the virtual crane in a process of its own, in real time.
 fn in_real_time(cranes: &Cranes, begin: Begin, lookout: Lookout<'_>) -> Result<RealTime> {
     let memory = Memory::new()?;
     let open = |result: std::io::Result<Shared>| {
@@ -484,7 +485,7 @@ fn in_real_time(cranes: &Cranes, begin: Begin, lookout: Lookout<'_>) -> Result<R
 }
 
 impl Cranes {
-    /// The control task and the simulated crane beside it.
+    /// Control task and simulated crane.
     fn control_and_simulation(
         &self,
         (strategy, limits, retained): Begin,
@@ -499,7 +500,7 @@ impl Cranes {
         Ok((control, SimulationTask::new(model, motion.start).into_diagnostic()?))
     }
 
-    /// The course at a speed \[mm/s\] or of a scenario.
+    /// Course at a speed \[mm/s\] or of a scenario.
     fn course(&self, speed_mm_s: Option<f64>, scenario: Option<&str>) -> Result<Wanted> {
         let speed = speed_mm_s.map_or(self.model.numbers.fast, |mm_s| mm_s * 1e-3);
         let speeds = self.speeds_mm_s();
@@ -520,12 +521,12 @@ impl Cranes {
         Ok(Wanted { name: course.name(), path: Arc::from(course as Box<dyn Trajectory>), hung })
     }
 
-    /// Speeds at which a motion can be run \[mm/s\].
+    /// Range of the motion's speed \[mm/s\].
     fn speeds_mm_s(&self) -> RangeInclusive<f64> {
         0.1..=2e3 * self.model.numbers.fast
     }
 
-    /// What finds the courses wanted at a dashboard.
+    /// Builder of the courses requested at a dashboard.
     fn courses(&self) -> Courses {
         let cranes = self.clone();
         Box::new(move |course| match course {
@@ -539,7 +540,7 @@ impl Cranes {
         Lockstep::new(&self.model, &self.machine, motion, strategy).into_diagnostic()
     }
 
-    /// The course in simulated time, to compare with; none where nobody asks for it, or it is long.
+    /// The course in simulated time for comparison; none if it is not requested or too long.
     fn beforehand(
         &self,
         wanted: &Wanted,
@@ -569,7 +570,7 @@ fn replaced_by_the_estimator(_: &str) -> Result<PathBuf, String> {
         .into())
 }
 
-/// Ctrl-C stops and ends; once more holds the load at once.
+/// Handles Ctrl-C: the first one stops and ends the run, the second one holds the load at once.
 fn attend(desk: &Arc<Desk>) -> Result<()> {
     let desk = Arc::clone(desk);
     let mut pressed = false;
@@ -585,7 +586,7 @@ fn attend(desk: &Arc<Desk>) -> Result<()> {
     .into_diagnostic()
 }
 
-/// Enter starts what is planned.
+/// Waits for Enter, which starts the planned course.
 fn wait_for_enter(started: Arc<std::sync::atomic::AtomicBool>) {
     output::note("the load is held; Enter starts the motion, Ctrl-C ends");
     std::thread::spawn(move || {

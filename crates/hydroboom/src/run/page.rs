@@ -1,4 +1,4 @@
-//! What a run came to, as a page.
+//! Report page of a run.
 
 use super::report::{SENSORS_ONLY, known};
 use super::watch::CourseResult;
@@ -11,7 +11,7 @@ use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use maud::{Markup, html};
 
-/// One course, as it is shown at once after it.
+/// Page of one course, available directly after it.
 pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<Page, LabError> {
     let body = html! {
         (results(std::slice::from_ref(result), None))
@@ -20,7 +20,7 @@ pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<Page, La
     Ok(document(&format!("Hydroboom: {} with {}", result.course, result.strategy), &body))
 }
 
-/// A whole run: all courses, the last one in figures, the deadlines.
+/// Page of a whole run: all courses, figures of the last one, deadlines.
 pub fn run_page(
     cranes: &MachineChoice,
     list: &[CourseResult],
@@ -81,7 +81,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
     }
 }
 
-/// A course in figures.
+/// Figures of a course.
 fn course(records: &[Record]) -> Result<Markup, LabError> {
     let Some(first) = records.first() else { return Ok(html! {}) };
     let over = |of: &dyn Fn(&Record) -> Option<f64>| -> Vec<(f64, f64)> {

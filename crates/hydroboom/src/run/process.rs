@@ -1,23 +1,23 @@
-//! The machine's process, and the memory shared with it.
+//! Process of the machine, and the memory shared with it.
 
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// A place for the shared memory that goes away with us.
+/// Path of the shared memory, removed with the value.
 pub struct Memory {
     /// Its path.
     pub path: PathBuf,
 }
 
 impl Memory {
-    /// A path that nobody uses.
+    /// New, unused path.
     pub fn new() -> Result<Self> {
         let folder = Path::new("/dev/shm");
         let folder = if folder.is_dir() { folder.into() } else { std::env::temp_dir() };
         let path = folder.join(format!("hydroboom-{}", std::process::id()));
-        // of a process that had our number and was killed
+        // left by a killed process with the same number
         if path.exists() {
             std::fs::remove_file(&path).into_diagnostic()?;
         }
@@ -31,21 +31,21 @@ impl Drop for Memory {
     }
 }
 
-/// The machine's process.
+/// Process of the machine.
 pub struct Host(Child);
 
 impl Host {
-    /// Starts it, to play the crane that these options of `hydroboom machine` give.
+    /// Starts the process with options of `hydroboom machine` for the crane.
     pub fn start(shared: &Path, crane: &[OsString]) -> Result<Self> {
         let program = std::env::current_exe().into_diagnostic()?;
         let mut command = Command::new(program);
         command.arg("machine").arg("--shared").arg(shared).args(crane).stdin(Stdio::null());
-        // Ctrl-C is for us: the machine goes on, or nothing would be there to be stopped
+        // Ctrl-C must not end the machine before the controller has stopped it
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         Ok(Self(command.spawn().into_diagnostic().wrap_err("the machine's process")?))
     }
 
-    /// Ends it.
+    /// Ends the process.
     pub fn end(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();

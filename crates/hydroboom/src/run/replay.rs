@@ -1,4 +1,4 @@
-//! The tasks beside a log.
+//! Replay of a log by the tasks.
 
 use crate::output;
 use hydroboom_control::supervision::fault::Cause;
@@ -10,7 +10,7 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Shows the tasks a log's readings again, and says where they decide otherwise than they did.
+/// Replays a log's measurements and prints where the decisions differ from the logged ones.
 pub fn replay(model: &Description, path: &Path, as_json: bool) -> Result<()> {
     let rows = log::rows(path).into_diagnostic()?;
     let records = run(model, &rows, None).into_diagnostic()?;
@@ -44,7 +44,7 @@ pub fn replay(model: &Description, path: &Path, as_json: bool) -> Result<()> {
             record.decision.state.name()
         );
     }
-    // the course behind the end is not known: the controller brings the piston to rest there
+    // the course beyond the end is unknown: the controller brings the piston to rest there
     if rows.last().is_some_and(|row| row.state == State::Moving) {
         said += "\nthe log ends while the piston moves: what differs in its last seconds may come of that";
     }

@@ -1,4 +1,4 @@
-//! What a run came to, in text and JSON.
+//! Report of a run as text and JSON.
 
 use super::attachment;
 use super::watch::CourseResult;
@@ -11,25 +11,25 @@ use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use serde_json::{Value, json};
 
-/// What is said of a run.
+/// Content of the report.
 pub struct Report<'a> {
     /// Model and machine.
     pub cranes: &'a MachineChoice,
-    /// Courses that were run.
+    /// Courses of the run.
     pub results: &'a [CourseResult],
     /// The first of them in simulated time.
     pub simulated: Option<&'a CourseResult>,
-    /// RMS and peak \[mm\] that the paper measured, where it did.
+    /// RMS and peak error \[mm\] measured by the paper, if any.
     pub paper: Option<[f64; 2]>,
-    /// How often the simulation was set to the machine's state in the midst of a course.
+    /// Number of synchronisations of the simulation during courses.
     pub synchronised: u32,
-    /// What the deadlines came to.
+    /// Deadline statistics.
     pub real_time: Option<&'a RealTime>,
-    /// What the attachment of a machine in another process came to.
+    /// Report of the attachment of a machine in another process.
     pub bus: Option<&'a BusReport>,
 }
 
-/// How a course ended.
+/// End of a course.
 fn ended(r: &CourseResult) -> String {
     let mut end = r.fault.unwrap_or("load held").to_string();
     if let Some(cause) = r.fallback_cause {
@@ -44,19 +44,19 @@ fn ended(r: &CourseResult) -> String {
     end
 }
 
-/// Said of a machine in another process.
+/// Note on a machine in another process.
 pub const SENSORS_ONLY: &str = "The machine is another process, of which sensors tell alone: its true errors are not known here.";
 
-/// An error; a dash where it is not known.
+/// Error; a dash if unknown.
 pub fn known(mm: f64) -> String {
     if mm.is_finite() { format!("{mm:.3}") } else { "-".into() }
 }
 
-/// More courses than these are not listed one by one.
+/// Largest number of courses that are listed singly.
 const LISTED: usize = 12;
 
 impl Report<'_> {
-    /// For machines.
+    /// Report as JSON.
     pub fn json(&self) -> Value {
         let timing = self.real_time.map(|r| {
             json!({
@@ -78,14 +78,14 @@ impl Report<'_> {
         })
     }
 
-    /// For people.
+    /// Report as text.
     pub fn text(&self) -> String {
         let row = |name: &str, error: TrackingError, ended: &str| {
             let errors = error.cells().map(known);
             let names = std::iter::once(name.to_string());
             names.chain(errors).chain([ended.to_string()]).collect::<Vec<String>>()
         };
-        // the errors of a loop that oscillates tell of that, and of no tracking
+        // the error of an oscillating loop is no tracking error
         let of_course = |name: &str, r: &CourseResult| match r.sustained_oscillation {
             None => row(name, r.error, &ended(r)),
             Some(_) => {
@@ -144,7 +144,7 @@ impl Report<'_> {
         said
     }
 
-    /// Whether anything grew over many courses.
+    /// Remark on a growth over many courses.
     fn drift(&self) -> Option<String> {
         let whole: Vec<&CourseResult> = self.results.iter().filter(|r| r.fault.is_none()).collect();
         let (first, last) = (whole.first()?, whole.last()?);
@@ -168,7 +168,7 @@ impl Report<'_> {
     }
 }
 
-/// What else is to be said of the deadlines.
+/// Further remarks on the deadlines.
 pub fn remarks(r: &RealTime) -> String {
     let mut said = String::from(
         "Execution is the thread's time on its processor; what other threads took stands apart. The simulation \
@@ -249,7 +249,7 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
     said
 }
 
-/// Processor and kernel, as the system names them.
+/// Processor and kernel as named by the system.
 pub fn processor() -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let cpus = read("/proc/cpuinfo");

@@ -1,4 +1,4 @@
-//! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
+//! Attendant of a run: writes the log, summarises the courses, and starts the next one.
 
 use crate::origin::origin;
 use crate::output;
@@ -25,55 +25,58 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// What a course came to.
+/// Result of a course.
 #[derive(Clone, Debug, Serialize)]
 pub struct CourseResult {
-    /// Name of its path.
+    /// Name of the trajectory.
     pub course: String,
-    /// The strategy it began with.
+    /// Strategy at its start.
     pub strategy: &'static str,
-    /// The one it ended with, if it was another.
+    /// Strategy at its end, if another.
     pub then: Option<&'static str>,
-    /// When it began.
+    /// Time of its start.
     pub begun_s: f64,
-    /// Tracking error, the way to the course's beginning left out; no true one of a machine in another process.
+    /// Tracking error without the approach to the course's start. The true error is unknown for a machine
+    /// in another process.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// Whether the loop came to rest where its reference rested: false in a sustained oscillation, and where a fault ended the course.
+    /// Whether the loop came to rest where its reference rested: false for a sustained oscillation, and if
+    /// a fault ended the course.
     pub stable: bool,
-    /// Whether it ended in half-cycles that had not died out, too few to tell a sustained oscillation: the load was held then.
+    /// Whether the last half-cycles had not decayed but were too few for a sustained oscillation when the
+    /// load was held.
     pub may_oscillate: bool,
-    /// That oscillation, the largest that the supervisor found.
+    /// Largest sustained oscillation found by the supervisor, if any.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// Code of the fault that ended it.
+    /// Code of the fault that ended it, if any.
     pub fault: Option<&'static str>,
-    /// Whether the benchmark had to take over.
+    /// Whether the benchmark controller took over.
     pub fallback: bool,
-    /// Why it last had to.
+    /// Last reason for that.
     pub fallback_cause: Option<&'static str>,
-    /// Memory that the program had at its end.
+    /// Memory of the program at its end.
     pub memory_mb: Option<f64>,
 }
 
-/// A path to be run, with a name and what is hung on meanwhile.
+/// Requested trajectory with its name and payload changes.
 #[derive(Clone)]
 pub struct Wanted {
     /// Name.
     pub name: String,
-    /// Where the piston shall be.
+    /// Trajectory of the piston.
     pub path: Arc<dyn Trajectory>,
-    /// Payloads.
+    /// Payload changes.
     pub hung: Vec<Hung>,
 }
 
-/// Which strategy when.
+/// Change of strategy during a course.
 #[derive(Clone, Copy)]
 pub struct Switch {
-    /// At first.
+    /// First strategy.
     pub first: Strategy,
-    /// Later.
+    /// Second strategy.
     pub then: Strategy,
-    /// From this time of the course on \[s\].
+    /// Time of the course at the change \[s\].
     pub at: f64,
 }
 
@@ -83,7 +86,7 @@ impl Switch {
     }
 }
 
-/// The course that runs.
+/// Present course.
 struct Running {
     strategy: Strategy,
     then: Strategy,
@@ -92,26 +95,26 @@ struct Running {
     truth: Errors,
     fallback: Option<Fallback>,
     oscillation: Option<SustainedOscillation>,
-    /// Largest command in it \[rev/s\].
+    /// Largest command of the course \[rev/s\].
     largest_command: f64,
-    /// The same detector, for what begins as the course ends.
+    /// Detector of an oscillation that begins at the end of the course.
     detector: OscillationState<f64>,
     /// Time of the last error \[s\].
     at: f64,
 }
 
-/// How often a course shall be run by itself.
+/// Plan of automatic courses.
 #[derive(Clone, Copy)]
 pub struct Plan {
-    /// Courses that are still to be begun.
+    /// Courses that remain.
     pub left: u32,
     /// Whether faults are reset.
     pub carry_on: bool,
-    /// Whether the first one waits for somebody.
+    /// Whether the first course waits for the operator.
     pub waits: bool,
 }
 
-/// Looks on.
+/// Attendant of a run.
 pub struct Watch {
     session: Session,
     desk: Arc<Desk>,
@@ -119,57 +122,57 @@ pub struct Watch {
     switch: Option<Switch>,
     plan: Option<Plan>,
     log: Option<LogWriter>,
-    /// Why the log was given up.
+    /// Error after which the log was abandoned.
     lost_log: Option<LogError>,
     speaks: bool,
     state: Option<State>,
-    /// State that the machine reported last.
+    /// Last state reported by the machine.
     status: Option<MachineStatus>,
-    /// What it was said last that the machine waits for.
+    /// Last reported waiting condition.
     waiting: Option<Waiting>,
-    /// Whether the loop was in sustained oscillation in the period before.
+    /// Whether the loop was in sustained oscillation in the last period.
     oscillates: bool,
     running: Option<Running>,
-    /// Records of the last course, from the request to the load held.
+    /// Records of the last course, from the request to the held load.
     pub records: Vec<Record>,
-    /// Courses that are over.
+    /// Completed courses.
     pub results: Vec<CourseResult>,
-    /// Since when nothing moves \[s\].
+    /// Time since which nothing moves \[s\].
     resting: Option<f64>,
-    /// What is to be handed over.
+    /// Orders to pass on.
     orders: Vec<Order>,
-    /// A start that is asked for once these orders are handed over.
+    /// Start to request after these orders have been passed on.
     start: Option<Start>,
-    /// Since when a start is asked for that has not been taken up \[s\].
+    /// Time since which a start is requested and not accepted \[s\].
     asked: Option<f64>,
-    /// Where the piston is in the period to come \[m\], where that is known.
+    /// True piston position in the coming period \[m\], if known.
     truth: Option<f64>,
     dashboard: Option<(Dashboard, Courses)>,
-    /// Whether somebody has let the plan begin.
+    /// Whether the operator has released the plan.
     started: Arc<AtomicBool>,
 }
 
-/// Finds the path of a course that somebody at the dashboard wants.
+/// Builder of the trajectory of a course requested at the dashboard.
 pub type Courses = Box<dyn Fn(&dashboard::Course) -> Result<Wanted>>;
 
-/// A start that somebody asked for.
+/// Requested start.
 struct Start {
     generation: Generation,
     asked: Instant,
     strategy: Strategy,
 }
 
-/// A start that is not taken up within this time and a moment more was dropped \[s\].
+/// Time after which a request that was not accepted has been dropped \[s\].
 const TAKEN_UP: f64 = Desk::START_WITHIN + 0.1;
-/// A state that waits is silent for so long \[s\].
+/// Time after which a waiting state is reported \[s\].
 const SILENT: f64 = 2.0;
-/// After a course, or a fault, so long until the next one \[s\].
+/// Pause after a course or a fault \[s\].
 const PAUSE: f64 = 1.0;
-/// More records of one course are not kept: twenty minutes.
+/// Largest number of records kept of a course: twenty minutes.
 const MOST_RECORDS: usize = 1_200_000;
 
 impl Watch {
-    /// A watch over a session with a path wanted.
+    /// Attendant of a session with a requested trajectory.
     pub fn new(session: Session, desk: Arc<Desk>, wanted: Wanted) -> Self {
         Self {
             session,
@@ -197,7 +200,7 @@ impl Watch {
         }
     }
 
-    /// Shows all to a dashboard, and does what is asked for there.
+    /// Connects a dashboard, whose requests are executed.
     pub fn with_dashboard(mut self, dashboard: Dashboard, courses: Courses) -> Self {
         self.dashboard = Some((dashboard, courses));
         self
@@ -209,46 +212,46 @@ impl Watch {
         self
     }
 
-    /// Changes the strategy on the way.
+    /// Changes the strategy during each course.
     pub fn with_switch(mut self, switch: Switch) -> Self {
         self.switch = Some(switch);
         self
     }
 
-    /// Says on the screen what the machine does.
+    /// Prints what the machine does.
     pub fn speaking(mut self) -> Self {
         self.speaks = true;
         self
     }
 
-    /// Runs the path so often, then closes the desk.
+    /// Runs the trajectory as planned, then closes the desk.
     pub fn with_plan(mut self, plan: Plan) -> Self {
         self.plan = Some(plan);
         self
     }
 
-    /// Prepares the wanted path as the first course.
+    /// Prepares the requested trajectory as the first course.
     ///
     /// # Errors
     ///
-    /// When the model has no state of rest there.
+    /// If the model has no state of rest there.
     pub fn prepare(&mut self) -> Result<()> {
         let (path, hung) = (Arc::clone(&self.wanted.path), self.wanted.hung.clone());
         self.orders.extend(self.session.prepare(path, hung).into_diagnostic()?);
         Ok(())
     }
 
-    /// What lets a plan begin that waits.
+    /// Flag that releases a waiting plan.
     pub fn starter(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.started)
     }
 
-    /// What the session knows.
+    /// Session.
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// Ends the log; says why it is not whole.
+    /// Completes the log; returns the error if it is incomplete.
     pub fn close_log(&mut self) -> Option<LogError> {
         let ended = self.log.take().and_then(|log| log.finish().err());
         self.lost_log.take().or(ended)
@@ -306,7 +309,8 @@ impl Attendant for Watch {
 
     fn failed(&mut self, failure: &Failure) {
         self.say(&failure.to_string());
-        // no reset brings the control task back; who looks at a dashboard ends the session himself
+        // after a failure of the control task only the end remains; at a dashboard the operator ends the
+        // session
         if matches!(failure, Failure::Control(_)) && self.dashboard.is_none() {
             self.desk.close();
         }
@@ -322,7 +326,7 @@ impl Running {
         self.measured.add(error_mm);
         let (rests, elapsed) = (record.reference.velocity == 0.0, record.time - self.at);
         self.at = record.time;
-        // found is what the supervisor finds; this one is asked at the end
+        // the supervisor reports oscillations; this detector is evaluated at the end
         let _ = SustainedOscillation::after(&mut self.detector, -1e-3 * error_mm, rests, elapsed);
         self.fallback = record.fallback.or(self.fallback);
         if let Some([amplitude, frequency_hz]) = record.decision.oscillation {
@@ -346,7 +350,7 @@ struct Errors {
     /// Sum of squares \[mm²\].
     sum: f64,
     count: u32,
-    /// That of largest magnitude \[mm\].
+    /// Error of largest magnitude \[mm\].
     peak: f64,
 }
 
@@ -359,14 +363,14 @@ impl Errors {
         }
     }
 
-    /// RMS and peak \[mm\]; none where there was none of them.
+    /// RMS and peak \[mm\]; none without samples.
     fn rms_and_peak(&self) -> Option<[f64; 2]> {
         (self.count > 0).then(|| [(self.sum / f64::from(self.count)).sqrt(), self.peak])
     }
 }
 
 impl Watch {
-    /// Adds a record to the log; a log that cannot be written is given up, and the run goes on.
+    /// Appends a record to the log. A log that cannot be written is abandoned, and the run continues.
     fn write(&mut self, record: &Record) {
         let Some(mut writer) = self.log.take() else { return };
         let Err(error) = writer.add(record) else {
@@ -390,7 +394,7 @@ impl Watch {
         }
     }
 
-    /// Says what the machine reports of itself, when that changes.
+    /// Prints the state reported by the machine when it changes.
     fn say_status(&mut self, record: &Record) {
         if record.status == self.status {
             return;
@@ -406,7 +410,8 @@ impl Watch {
         self.say(&format!("{:8.3} s  the machine reports: {}{fault}", record.time, status.name()));
     }
 
-    /// Says what the machine waits for once it has waited for a while; a held load may wait for a start.
+    /// Prints the waiting condition after [`SILENT`]; waiting for a start with the load held is not
+    /// reported.
     fn say_waiting(&mut self, decision: &Decision) {
         let usual = matches!(
             decision.waiting,
@@ -424,7 +429,7 @@ impl Watch {
         self.say(&format!("{state} waits for {text}, since {:.0} s", decision.waited));
     }
 
-    /// Says that the loop is in sustained oscillation, once in a course.
+    /// Prints a sustained oscillation, once per course.
     fn say_oscillation(&mut self, oscillation: Option<[f64; 2]>) {
         let is_new = oscillation.is_some() && !self.oscillates;
         self.oscillates = oscillation.is_some();
@@ -492,7 +497,7 @@ impl Watch {
             strategy: running.strategy.name(),
             then: (running.then != running.strategy).then(|| running.then.name()),
             begun_s: running.begun,
-            // a course that a fault ended was not followed to its end: its errors are no result
+            // a course ended by a fault has no error as a result
             error: match record.decision.cause {
                 Some(_) => TrackingError::UNFINISHED,
                 None => {
@@ -523,7 +528,7 @@ impl Watch {
         self.results.push(result);
     }
 
-    /// Begins the next course of the plan, or ends it.
+    /// Starts the next course of the plan, or ends it.
     fn follow_plan(&mut self) {
         let (Some(plan), Some(since)) = (self.plan, self.resting) else { return };
         let Some(last) = self.session.last().copied() else { return };
@@ -550,7 +555,7 @@ impl Watch {
         }
     }
 
-    /// Prepares what is wanted, to be started once it is handed over.
+    /// Prepares the requested course, which is started after its orders have been passed on.
     fn prepare_start(&mut self, start: Start) {
         match self.prepare() {
             Ok(()) => self.start = Some(start),
@@ -558,7 +563,7 @@ impl Watch {
         }
     }
 
-    /// Asks for the start whose course has been handed over, and says what became of the last one.
+    /// Requests the start of the prepared course, and reports the fate of the last request.
     fn ask(&mut self) {
         let Some(last) = self.session.last() else { return };
         let (now, state) = (last.time, last.decision.state);
@@ -593,7 +598,7 @@ impl Watch {
         }
     }
 
-    /// Prepares what an operator has asked for, if a course can be begun now.
+    /// Prepares the course requested by an operator, if it can start now.
     fn start_as_chosen(&mut self, choice: &Choice, generation: Generation, asked: Instant) {
         let Some((_, courses)) = &self.dashboard else { return };
         let Some(last) = self.session.last() else {
@@ -615,7 +620,7 @@ impl Watch {
     }
 }
 
-/// Memory of this process that is in use.
+/// Resident memory of this process \[MB\].
 fn memory_mb() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;

@@ -1,4 +1,4 @@
-//! Delay and offset of the logs' channels: the option that fixes them, and what comes of them.
+//! Delay and offset of the logs' channels: option to fix them, and results.
 
 use crate::output;
 use clap::Args;
@@ -14,7 +14,7 @@ pub struct Fixed {
     named: Vec<Named>,
 }
 
-/// What one name means.
+/// Delays and offsets selected by one name.
 #[derive(Clone)]
 struct Named(Vec<Nuisance>);
 
@@ -23,17 +23,17 @@ fn named(text: &str) -> Result<Named, String> {
 }
 
 impl Fixed {
-    /// The delays and offsets that stay zero.
+    /// Delays and offsets fixed at zero.
     pub fn all(&self) -> Vec<Nuisance> {
         self.named.iter().flat_map(|named| named.0.iter().copied()).collect()
     }
 }
 
-/// What of a channel is said, as cells of a table.
+/// Heads of a table of channels.
 pub const HEADER: [&str; 5] =
     ["delay or offset", "found", "95 %", "not zero", "traded most against"];
 
-/// A row of that table.
+/// Row of that table.
 pub fn row(channel: &Channel) -> Vec<String> {
     let unit = channel.nuisance.allowed().unit;
     let (low, high) = channel.interval();
@@ -52,7 +52,7 @@ pub fn row(channel: &Channel) -> Vec<String> {
     ]
 }
 
-/// For people: a table for each log.
+/// Text: a table per log.
 pub fn said(channels: &[Channel]) -> String {
     let tables = channels.chunk_by(|a, b| a.log == b.log).map(|of_log| {
         let rows: Vec<Vec<String>> = of_log.iter().map(row).collect();
@@ -61,7 +61,7 @@ pub fn said(channels: &[Channel]) -> String {
     tables.collect::<Vec<_>>().join("\n")
 }
 
-/// For machines.
+/// Results as JSON.
 pub fn in_json(channels: &[Channel]) -> Vec<Value> {
     let of = |c: &Channel| {
         let allowed = c.nuisance.allowed();
@@ -75,7 +75,7 @@ pub fn in_json(channels: &[Channel]) -> Vec<Value> {
     channels.iter().map(of).collect()
 }
 
-/// A sentence for each that ended at its limit.
+/// Remark on each one that ended at its limit.
 pub fn at_limit(channels: &[Channel]) -> impl Iterator<Item = String> {
     channels.iter().filter(|c| c.is_at_limit()).map(|c| {
         let allowed = c.nuisance.allowed();

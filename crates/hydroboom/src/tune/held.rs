@@ -1,4 +1,4 @@
-//! The options that keep parts of the logs from the search, and what comes of them.
+//! Options for hold-out validation, and results.
 
 use super::in_json as key_in_json;
 use crate::output;
@@ -20,11 +20,11 @@ pub struct HoldOut {
     pub in_turn: bool,
 }
 
-/// A stretch has at least so many samples of a log, and as many are left beside it.
+/// Smallest number of samples in a stretch, and outside it.
 const LEAST: usize = 10;
 
 impl HoldOut {
-    /// Whether each stretch is within a log, and something is left to be tuned to.
+    /// Checks that each stretch is within a log, and that enough samples remain for the fit.
     pub fn checked(&self, logs: &[Experiment]) -> Result<()> {
         let times = |log: &Experiment| {
             let measured = log.samples.iter().filter(|s| s.values.iter().any(Option::is_some));
@@ -50,7 +50,7 @@ impl HoldOut {
                 ));
             }
         }
-        // held out in turn, each search sees the other stretches
+        // with stretches held out in turn, each search uses the other stretches
         let sets: Vec<&[Stretch]> = match self.in_turn {
             true => self.hold_out.chunks(1).collect(),
             false => vec![&self.hold_out],
@@ -68,23 +68,23 @@ impl HoldOut {
     }
 }
 
-/// What one of several searches found that held out one stretch after the other.
+/// Result of one search of several that hold out one stretch after the other.
 pub struct InTurn {
-    /// The stretch that it did not see.
+    /// Stretch that was held out.
     pub stretch: Stretch,
-    /// The keys.
+    /// Keys.
     pub tuned: Vec<Tuned>,
-    /// Correlations of the keys.
+    /// Correlation of the keys.
     pub correlation: Vec<Vec<f64>>,
 }
 
 impl InTurn {
-    /// What a search found without a stretch.
+    /// Result of a search without a stretch.
     pub fn new(stretch: Stretch, found: &Fit) -> Self {
         Self { stretch, tuned: found.tuned.clone(), correlation: found.correlation.clone() }
     }
 
-    /// For machines.
+    /// Result as JSON.
     pub fn in_json(&self) -> Value {
         json!({
             "from_s": self.stretch.from, "to_s": self.stretch.to,
@@ -93,13 +93,13 @@ impl InTurn {
     }
 }
 
-/// Head of the table of what each search found: the key, then a column for each stretch that was held out.
+/// Heads of the table of all searches: the key, then a column per held-out stretch.
 pub fn keys_header(searches: &[InTurn]) -> Vec<String> {
     let without = |s: &InTurn| format!("without {} to {} s", s.stretch.from, s.stretch.to);
     std::iter::once("key".into()).chain(searches.iter().map(without)).collect()
 }
 
-/// Its rows: values with their 95 % intervals.
+/// Rows of the table: values with their 95 % intervals.
 pub fn keys_rows(searches: &[InTurn]) -> Vec<Vec<String>> {
     let Some(first) = searches.first() else { return Vec::new() };
     let row = |(k, t): (usize, &Tuned)| {
@@ -115,7 +115,7 @@ pub fn keys_rows(searches: &[InTurn]) -> Vec<Vec<String>> {
     first.tuned.iter().enumerate().map(row).collect()
 }
 
-/// Keys of which two searches found values whose 95 % intervals have nothing in common.
+/// Keys whose 95 % intervals from two searches are disjoint.
 pub fn contradicting(searches: &[InTurn]) -> Vec<String> {
     let Some(first) = searches.first() else { return Vec::new() };
     let is_apart = |k: usize| {
@@ -137,7 +137,7 @@ fn stretch(text: &str) -> std::result::Result<Stretch, String> {
     }
 }
 
-/// A table of what was foretold, and the ringing below it.
+/// Table of the prediction errors, followed by the oscillations.
 pub fn said(held: &[HeldOut]) -> String {
     let mut rows = Vec::new();
     for h in held {
@@ -174,7 +174,7 @@ pub fn said(held: &[HeldOut]) -> String {
     said
 }
 
-/// What each of several searches found, and which keys they contradict each other about.
+/// Results of several searches, and the keys on which they contradict each other.
 pub fn keys_said(searches: &[InTurn]) -> String {
     let header = keys_header(searches);
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
@@ -185,10 +185,10 @@ pub fn keys_said(searches: &[InTurn]) -> String {
     said
 }
 
-/// What is said of a key that is found elsewhere as soon as other parts of a log are seen.
+/// Note on a key whose result depends on the part of the log.
 pub const APART: &str = "intervals of two of these searches have nothing in common: what the model leaves out is found in it";
 
-/// The same for machines.
+/// Results as JSON.
 pub fn in_json(held: &[HeldOut]) -> Vec<Value> {
     held.iter()
         .map(|h| {
@@ -236,7 +236,7 @@ mod tests {
             tuned: vec![tuned],
             correlation: vec![vec![1.0]],
         };
-        // a factor of exp(1.96 times 0.0255) to either side
+        // a factor of exp(1.96 times 0.0255) in both directions
         let near = [without(10.0, found(200.0, 0.0255)), without(14.0, found(215.0, 0.0255))];
         assert!(contradicting(&near).is_empty());
         assert_eq!(keys_rows(&near)[0][1], "200.00 (190.25 to 210.25)");

@@ -1,4 +1,4 @@
-//! Where a search is, in a file, to go on after an interruption.
+//! State of a search in a file, to continue after an interruption.
 
 use hydroboom_files::{own_text, write};
 use hydroboom_identify::Progress;
@@ -8,22 +8,22 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The file is not written more often than this.
+/// Shortest interval between two writes of the file.
 const RARELY: Duration = Duration::from_secs(1);
 
 /// Longest journal that is read \[B\].
 const LONGEST: u64 = 1_000_000;
 
-/// A search's best place, kept in a file.
+/// File with the best point of a search.
 pub struct Journal {
     path: PathBuf,
-    /// What is searched: another search's place is refused.
+    /// Identification of the search: the journal of another one is refused.
     search: String,
     written: RefCell<Option<Instant>>,
 }
 
 impl Journal {
-    /// A journal at a path, and the place it holds already.
+    /// Opens a journal at a path, and returns the point that it contains.
     pub fn open(path: &Path, search: String) -> Result<(Self, Option<Vec<f64>>)> {
         let journal = Self { path: path.into(), search, written: RefCell::new(None) };
         if !path.exists() {
@@ -43,7 +43,7 @@ impl Journal {
         Ok((journal, Some(at.ok_or_else(|| wrong("holds no place of a search"))?)))
     }
 
-    /// Keeps the best place of a search, now and then.
+    /// Writes the best point of a search at intervals.
     pub fn keep(&self, progress: &Progress<'_>, at_once: bool) -> Result<()> {
         let is_due = self.written.borrow().is_none_or(|at| at.elapsed() > RARELY);
         if progress.best.is_empty() || !(is_due || at_once) {
@@ -55,9 +55,9 @@ impl Journal {
         Ok(())
     }
 
-    /// The search has come to its end.
+    /// Removes the journal at the end of the search.
     pub fn remove(&self) {
-        // a journal that stays does no harm: it begins a search where it ended
+        // a remaining journal does no harm: the next search starts at its point
         let _ = std::fs::remove_file(&self.path);
     }
 }

@@ -166,14 +166,14 @@ impl Tune {
             notes,
         };
         let is_written = self.told(&outcome)?;
-        // what could not be written is found again at once from its journal
+        // if the result could not be written, the journal is kept to find it again at once
         if let Some((journal, _)) = kept.filter(|_| is_written) {
             journal.remove();
         }
         Ok(())
     }
 
-    /// The segments of a log, ready to be compared with a crane; what is to be said of them is added to the notes.
+    /// Segments of a log as experiments for a crane; remarks are added to the notes.
     fn experiments(
         &self,
         crane: &Description,
@@ -191,7 +191,7 @@ impl Tune {
         Ok(each)
     }
 
-    /// The file that keeps the search, and where an interrupted one was.
+    /// Journal of the search, and the state of an interrupted one.
     fn journal(
         &self,
         digests: &[String],
@@ -201,7 +201,8 @@ impl Tune {
             let out = self.out.as_ref()?;
             let mut name = out.as_os_str().to_owned();
             name.push(".journal");
-            // where no file can be written the search goes on without one, and the end says what is missing
+            // without a writable folder the search runs without a journal, and the missing output is
+            // reported at the end
             Some(PathBuf::from(name)).filter(|path| {
                 path.parent().is_none_or(|at| at.as_os_str().is_empty() || at.is_dir())
             })
@@ -231,7 +232,7 @@ impl Tune {
         Task { model, experiments, free, fixed, resume, generations: self.generations }
     }
 
-    /// One search, with its progress shown and kept.
+    /// Runs one search; reports and stores its progress.
     fn search(
         &self,
         asked: Asked<'_>,
@@ -274,7 +275,7 @@ impl Tune {
         }
     }
 
-    /// Writes and prints what came of it; says whether the crane file is written, where one is wanted.
+    /// Writes and prints the results; returns whether a requested crane file was written.
     fn told(&self, outcome: &Outcome<'_>) -> Result<bool> {
         let Outcome { crane, found, digests, notes, held, profiles, tests, .. } = outcome;
         let mut is_written = true;
@@ -305,8 +306,8 @@ impl Tune {
         Ok(is_written)
     }
 
-    /// The crane file with the keys that were moved; all else, comments too, as it was, but for ranges
-    /// that do not reach their new values.
+    /// Crane file with the fitted keys. Everything else is kept, including comments, except ranges that do
+    /// not contain their new values.
     fn written(&self, found: &Fit, digests: &[String]) -> Result<String> {
         let mut document: DocumentMut = self.crane.text()?.parse().into_diagnostic()?;
         let logs: Vec<String> = self
@@ -438,7 +439,7 @@ impl Tune {
     }
 }
 
-/// What is searched for.
+/// Problem of a search.
 #[derive(Clone, Copy)]
 struct Asked<'a> {
     crane: &'a Description,
@@ -446,31 +447,31 @@ struct Asked<'a> {
     fixed: &'a [Nuisance],
 }
 
-/// What came of tuning.
+/// Results of tuning.
 struct Outcome<'a> {
     crane: &'a Description,
     experiments: Vec<Experiment>,
     found: Fit,
     held: Vec<HeldOut>,
-    /// What the searches found that held out one stretch after the other.
+    /// Results of the searches that held out one stretch after the other.
     in_turn: Vec<InTurn>,
     profiles: Vec<Profile>,
     tests: Vec<Improvement>,
     digests: Vec<String>,
-    /// Of each experiment's log: a log may have several segments.
+    /// Digest of each experiment's log; a log may have several segments.
     digests_of: Vec<String>,
     notes: Vec<String>,
 }
 
 impl Outcome<'_> {
-    /// What the tuned model is right for, log by log.
+    /// Verdict on the tuned model, log by log.
     fn judged(&self) -> impl Iterator<Item = (&str, Vec<Judgement>)> {
         let pairs = self.experiments.iter().zip(&self.found.predictions.1);
         pairs.map(|(e, shown)| (e.name.as_str(), verdict(&differences(e, shown))))
     }
 }
 
-/// What the model came to on a stretch that it did not see, in each log that has it.
+/// Prediction errors of the model on held-out stretches, in each log that contains them.
 fn judged<'a>(
     experiments: &'a [Experiment],
     found: &'a Fit,
@@ -480,7 +481,7 @@ fn judged<'a>(
     pairs.filter_map(move |(experiment, prediction)| held_out(experiment, prediction, stretch))
 }
 
-/// A log that was not used, before and after: after, through the sensors of the same machine, with their delays and offsets.
+/// Test log before and after the fit. The sensors of the same machine keep their delays and offsets.
 fn tested(
     before: &Description,
     found: &Fit,
@@ -490,7 +491,7 @@ fn tested(
     Ok(Improvement::new(experiment, &a, &b))
 }
 
-/// What of the sensors was taken along to logs that were not used; none where there are no such logs.
+/// Sensor parameters applied to test logs; none without test logs.
 fn carried(outcome: &Outcome<'_>) -> Option<String> {
     if outcome.tests.is_empty() {
         return None;
@@ -528,7 +529,7 @@ fn improvement(of: &Improvement) -> serde_json::Value {
     json!({ "log": of.log, "rms": signals.collect::<Vec<_>>() })
 }
 
-/// Whether the logs determine a key, in a word.
+/// Determination of a key in a word.
 fn determination(t: &Tuned) -> &'static str {
     match t.determination {
         Determination::Biased(_) => "BIASED",
@@ -537,13 +538,13 @@ fn determination(t: &Tuned) -> &'static str {
     }
 }
 
-/// Keys that the logs do not determine and that are not biased, each with the reason.
+/// Keys that are neither determined nor biased, with the reasons.
 fn open(found: &Fit) -> impl Iterator<Item = (&Tuned, String)> {
     let all = found.tuned.iter().filter(|t| t.biased().is_none());
     all.filter_map(|t| Some((t, t.determination.reason()?)))
 }
 
-/// Signals that differ by more than before the search, which a search in the right valley hardly leaves.
+/// Signals with a larger difference than before the search, which indicates a local minimum.
 fn worsened(log: &Improvement) -> Vec<String> {
     let of = |(signal, rms): (&Signal, &Option<(f64, f64)>)| {
         let (before, after) = (*rms)?;
@@ -562,10 +563,11 @@ fn worsened(log: &Improvement) -> Vec<String> {
     COMPARED.iter().zip(&log.rms).filter_map(of).collect()
 }
 
-/// A signal counts as worsened by a search from this ratio of its RMS differences on: less is traded for the others'.
+/// Ratio of RMS differences above which a signal counts as worsened; smaller ones are traded for other
+/// signals.
 const WORSENED: f64 = 1.05;
 
-/// A number with five digits that count.
+/// Number with five significant digits.
 struct Shown(f64);
 
 impl std::fmt::Display for Shown {

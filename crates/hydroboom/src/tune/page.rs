@@ -1,4 +1,4 @@
-//! The report of a tuning.
+//! Report of a tuning.
 
 use super::held::{self, InTurn};
 use super::{Outcome, Shown, channels, determination, profiles};
@@ -9,7 +9,7 @@ use hydroboom_lab::LabError;
 use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
 use maud::{Markup, html};
 
-/// The whole page.
+/// Complete page.
 pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
     let Outcome { crane, experiments, found, held, notes, digests_of, .. } = outcome;
     let drawn = outcome.profiles.iter().map(|profile| profiles::drawn(profile, found));
@@ -191,7 +191,7 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
     }
 }
 
-/// What the searches found that held out one stretch after the other.
+/// Results of the searches that held out one stretch after the other.
 fn keys_in_turn(searches: &[InTurn]) -> Markup {
     html! {
         p.soft { "Each column is a search that did not see the stretch in its head; behind each value its 95 % interval." }
@@ -203,7 +203,7 @@ fn keys_in_turn(searches: &[InTurn]) -> Markup {
     }
 }
 
-/// Correlations as a table in which the strong ones stand out.
+/// Table of correlations with the strong ones emphasised.
 fn correlations(found: &Fit) -> Markup {
     html! {
         p.soft { "Correlations of what is left open. Near 1 or -1 the logs tell the two keys together, and neither alone." }

@@ -1,4 +1,4 @@
-//! The option that asks what the logs say of single keys, whatever the others are, and what comes of it.
+//! Profile likelihood of single keys: option and results.
 
 use super::Shown;
 use clap::Args;
@@ -22,7 +22,7 @@ pub struct Profiles {
 }
 
 impl Profiles {
-    /// The profiles that were asked for; those that were done where it was stopped.
+    /// Computes the requested profiles; those completed if it is stopped.
     pub fn of(&self, task: &Task<'_>, found: &Fit, stop: &AtomicBool) -> Result<Vec<Profile>> {
         let keys = match self.profile.as_slice() {
             [only] if only == "weak" => {
@@ -61,7 +61,7 @@ impl Profiles {
     }
 }
 
-/// What a profile says.
+/// Text of a profile.
 pub fn words(profile: &Profile) -> String {
     let key = &KEYS[profile.key.place];
     let shown = |v: f64| format!("{:.5}", Shown(key.to_unit(v)));
@@ -87,7 +87,7 @@ pub fn words(profile: &Profile) -> String {
     }
 }
 
-/// For people, below the table of keys.
+/// Text below the table of keys.
 pub fn said(profiles: &[Profile]) -> String {
     let lines: Vec<String> = profiles.iter().map(|p| format!("  {}", words(p))).collect();
     format!(
@@ -96,7 +96,7 @@ pub fn said(profiles: &[Profile]) -> String {
     )
 }
 
-/// For machines.
+/// Profiles as JSON.
 pub fn in_json(profiles: &[Profile]) -> Vec<Value> {
     let of = |p: &Profile| {
         let key = &KEYS[p.key.place];
@@ -108,14 +108,14 @@ pub fn in_json(profiles: &[Profile]) -> Vec<Value> {
     profiles.iter().map(of).collect()
 }
 
-/// A figure with its caption.
+/// Figure with its caption.
 pub fn drawn(profile: &Profile, found: &Fit) -> std::result::Result<Markup, LabError> {
     let key = &KEYS[profile.key.place];
     let points: Vec<(f64, f64)> =
         profile.points.iter().map(|(v, rise)| (key.to_unit(*v), *rise)).collect();
     let ends = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p.0));
     let mut lines = vec![("profile", points.clone())];
-    // what the intervals of the table suppose
+    // parabola assumed by the intervals of the table
     let tuned = found.tuned.iter().find(|t| t.key == profile.key);
     if let Some(tuned) = tuned.filter(|t| t.others_exact.is_finite()) {
         let middle = key.to_unit(tuned.value.1);
