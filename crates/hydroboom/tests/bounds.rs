@@ -1,4 +1,4 @@
-//! What is read has an end, numbers have ranges, and messages are for people.
+//! Inputs have bounded size, numbers have ranges, and messages cannot control a terminal.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use std::fs;
 use std::process::{Command, Output};
 
-/// Runs the program with half a gigabyte of memory and ten seconds.
+/// Runs the program with limits of memory (2 GB) and time (ten seconds).
 fn limited(arguments: &[&str]) -> Output {
     let shell = "ulimit -v 2000000; exec timeout 10 \"$0\" \"$@\"";
     let program = env!("CARGO_BIN_EXE_hydroboom");
@@ -83,7 +83,7 @@ fn numbers_are_finite_and_within_their_ranges() {
         says(&hydroboom(&["validate", "--log", &log, "--from-s", wrong]), "a number from");
         says(&hydroboom(&["check", "--set", &format!("payload.mass_kg={wrong}")]), "mass_kg");
     }
-    // finite, and more than this motion has room for
+    // finite, but too fast for the length of this motion
     for command in ["simulate", "virtual", "sensitivity"] {
         says(&hydroboom(&[command, "--speed-mm-s", "9000"]), "for this motion, not 9000");
     }
@@ -114,7 +114,7 @@ fn an_error_shows_an_excerpt_without_control_characters() {
             assert!(!said.contains('\u{1b}') && !said.contains('\u{7}'), "{arguments:?}: {said}");
         }
     }
-    // a name that is read and shown
+    // a name that is read from a file and printed
     assert!(hydroboom(&["new", &at("named.toml")]).status.success());
     let named = fs::read_to_string(at("named.toml")).unwrap();
     let named = named.replacen("name = \"UiA single boom\"", "name = \"\\u001b[2Jowned\"", 1);
@@ -127,8 +127,8 @@ fn an_error_shows_an_excerpt_without_control_characters() {
     assert!(!asked.stderr.contains(&0x1b));
 }
 
-/// Numbers that no estimator can begin with are refused when they are read, and what is not refused
-/// runs: no file of parameters ends the control task.
+/// Estimator parameters that are invalid are refused when they are read, and accepted ones run. No
+/// parameter file ends the control task.
 #[test]
 fn retained_parameters_end_no_control_task() {
     let at = files("parameters");

@@ -1,4 +1,4 @@
-//! The command line as a user meets it, wrong inputs included.
+//! Commands as users run them, including invalid inputs.
 
 #[path = "support/command.rs"]
 mod command;
@@ -56,7 +56,7 @@ fn bounds_say_what_they_cannot_be_computed_of() {
         all.extend(arguments);
         says(&hydroboom(&all), said);
     }
-    // an override of the motion is of the course, whatever the plant is
+    // an override of the motion applies to the course, whatever the plant is
     let shorter = ["bounds", "--speed-mm-s", "0.5", "--set", "motion.end_mm=300"];
     says(&hydroboom(&shorter), "takes 1011 s");
     let plant = ["bounds", "--plant", "../../cranes/half-mass.toml", "--payload-kg", "200:300"];
@@ -75,7 +75,7 @@ fn a_new_crane_file_is_checked_and_shown() {
     assert_eq!(shown["crane"], "UiA single boom");
 }
 
-/// A key that tune cannot move is told why, and a misspelt one what was meant.
+/// A key that tune cannot change is refused with the reason, a misspelt one with a suggestion.
 #[test]
 fn keys_that_cannot_be_free_are_told_why() {
     let log = files("free")("log.csv");
@@ -92,7 +92,7 @@ fn keys_that_cannot_be_free_are_told_why() {
     says(&to, "to -3.000 s is before the beginning of the log");
 }
 
-/// What is wrong with a negative number is said of its option.
+/// An invalid negative number is reported for its option.
 #[test]
 fn a_negative_number_is_read_as_one() {
     says(&hydroboom(&["design", "--family", "-3"]), "invalid value '-3' for '--family");
@@ -115,7 +115,7 @@ fn a_value_beyond_its_range_names_a_place_that_the_user_can_look_at() {
     says(&named, "widen `range` in line ");
 }
 
-/// In a place where nothing can be made.
+/// Output into a folder where no file can be created.
 #[test]
 fn an_export_lists_no_file_that_is_not_written() {
     let output = hydroboom(&["export", "c", "--out", "/proc/hydroboom"]);
@@ -145,7 +145,7 @@ fn a_new_crane_file_has_what_a_machine_has() {
     let table = hydroboom(&["show", "--crane", path]);
     let table = String::from_utf8_lossy(&table.stdout).to_string();
     assert!(table.contains("0 to 370") && table.contains("85 to 100 (default)"), "{table}");
-    // the model itself has none of it: strategies on it do as they do on the paper's, with its gains
+    // the model has no equipment: strategies on it behave as on the paper's crane with its gains
     let gains = [
         "--gains-as-given",
         "--set=controller.proportional_per_s=4.5",
@@ -168,7 +168,7 @@ fn a_new_crane_file_has_what_a_machine_has() {
     says(&hydroboom(&["check", "--crane", path, "--set", "payload.mass_kg=371"]), "0 to 370 kg");
 }
 
-/// The paper's crane with a short and gentle motion, and a name of its own.
+/// The paper's crane with a short and slow motion, under another name.
 fn short_crane(folder: &std::path::Path) -> String {
     let mut text = hydroboom_description::UIA_SINGLE_BOOM.to_string();
     for (from, to) in [
@@ -215,7 +215,7 @@ fn a_crane_file_that_is_named_is_the_machine() {
     for row in motion["motion"].as_array().unwrap() {
         assert_eq!(row["plant"], "virtual crane of short");
     }
-    // what was measured on the paper's crane says nothing of this one
+    // the paper's measurements do not apply to this crane
     assert!(motion["differences"].is_null());
     let family = run(&["motion", "--family", "2"]);
     assert_eq!(family["cranes"].as_array().unwrap().len(), 2);
@@ -226,7 +226,7 @@ fn a_crane_file_that_is_named_is_the_machine() {
     run(&["trials", "shaping"]);
     let courses = run(&["run", "--simulated-time", "--strategy", "scheduled-lqr"]);
     assert!(courses["fault"].is_null(), "{courses}");
-    // and it is said where people look
+    // and the report mentions it
     let report = folder.join("run.html");
     let path = report.to_str().unwrap();
     let said = hydroboom(&["run", "--simulated-time", "--crane", &crane, "--report", path]);
@@ -358,7 +358,7 @@ fn wrong_inputs_are_refused_and_leave_nothing_behind() {
         &hydroboom(&["simulate", "--hold-s", "0.01", "--step-us", "99999", "--log", log_path]),
         "does not fit",
     );
-    // a drive that breaks the crane
+    // an input that destroys the crane
     let slam = ["simulate", "--hold-s", "10", "--motor-speed-rpm", "3000", "--log", log_path];
     says(&hydroboom(&slam), "at t =");
     let left: Vec<_> = std::fs::read_dir(&folder)
@@ -417,7 +417,7 @@ fn a_linearisation_leaves_matrices_and_a_figure() {
     for name in ["A.csv", "B.csv", "C.csv", "D.csv", "crane.mat", "bode.html"] {
         assert!(std::fs::metadata(folder.join(name)).unwrap().len() > 0, "{name}");
     }
-    // the first entry of the first matrix, after its header and name
+    // first entry of the first matrix, after its header and name
     let mat = std::fs::read(folder.join("crane.mat")).unwrap();
     let number = f64::from_le_bytes(mat[22..30].try_into().unwrap());
     assert_eq!(number, done["A"][0][0].as_f64().unwrap());
@@ -440,7 +440,7 @@ fn a_plant_that_differs_is_named_with_what_each_change_does() {
     assert_eq!(changes[0]["plant"], "340");
     let [light, heavy] = [0, 1].map(|k| changes[0]["eigenfrequency_hz"][k].as_f64().unwrap());
     assert!(heavy < light, "{heavy} Hz with more payload, {light} Hz with less");
-    // every strategy, ours among them, at both speeds
+    // every strategy at both speeds
     let rows = done["motion"].as_array().unwrap();
     for strategy in rows.iter().map(|row| &row["strategy"]) {
         assert_eq!(rows.iter().filter(|row| row["strategy"] == *strategy).count(), 2);
@@ -530,7 +530,8 @@ fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
     says(&hydroboom(&["virtual", "--scenario", "lunch"]), "no scenario \"lunch\"");
 }
 
-/// From the survey of a virtual crane to a crane file that knows its tip: the bounds narrow, and the truth is within them.
+/// From the survey of a virtual crane to a crane file with tip parameters: the bounds become narrower and
+/// contain the truth.
 #[test]
 fn a_survey_of_the_tip_is_fitted_and_counts() {
     let folder = folder("tip");
@@ -551,14 +552,14 @@ fn a_survey_of_the_tip_is_fitted_and_counts() {
     let [estimated, deviation, truth] = height(&["--model", &surveyed]);
     assert!(deviation < 0.5 * wide, "{deviation} and {wide} mm");
     assert!((estimated - truth).abs() < 3.0 * deviation, "{estimated} for {truth} mm");
-    // a wrong line is named
+    // the message names the wrong line
     let bad = std::fs::read_to_string(&survey).unwrap().replace("250.000,307.00", "2500,307.00");
     std::fs::write(&survey, bad).unwrap();
     says(&hydroboom(&["tip", "--survey", &survey]), "line 11: stroke_mm is 2500");
 }
 
-/// The estimator runs under a strategy that does not use it, and knows nothing but what is measured: each error has the size that its standard deviation
-/// says, within four of them.
+/// The estimator runs under a strategy that does not use it, with measurements only. Each error is within
+/// four standard deviations.
 #[test]
 fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
     let run = ["virtual", "--scenario", "small-moves", "--strategy", "benchmark-closed-loop"];
@@ -580,7 +581,7 @@ fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
     }
     let payload = of("payload_kg", "true").unwrap();
     assert!((300.0..340.0).contains(&payload), "{payload} kg");
-    // what no crane has is not compared
+    // quantities that a crane does not have are not compared
     assert_eq!((of("disturbance_bar", "true"), of("drive_lag_ms", "deviation")), (None, None));
     assert!(of("drive_lag_ms", "estimated").unwrap() > 1.0);
     let table = String::from_utf8(hydroboom(&run).stdout).unwrap();
@@ -609,21 +610,22 @@ fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
         names
     };
     assert_eq!(files("readings"), files("truth"));
-    // healthy and worn, as CSV and as MAT: both speeds under two strategies, three oscillations, all scenarios but the shift of hours
+    // healthy and worn, as CSV and as MAT: both speeds under two strategies, three oscillations, all
+    // scenarios except the shift of hours
     let all = parsed(&["scenarios", "--json"]);
     let short = |s: &&serde_json::Value| s["duration_s"].as_f64().unwrap() < 600.0;
     let scenarios = all["scenarios"].as_array().unwrap().iter().filter(short).count();
     assert_eq!(files("readings").len(), 2 * 2 * (4 + 3 + scenarios));
     let held = std::fs::read_to_string(path.join("readings/healthy-oscillation-200.csv")).unwrap();
     assert!(!held.contains("true_"));
-    // a second one does not overwrite the first
+    // a second data set does not overwrite the first
     assert!(!hydroboom(&arguments).status.success());
 }
 
 #[test]
 fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     let folder = folder("calibrate");
-    // a crane of three segments and a short motion are enough to see it, and quick
+    // a crane of three segments and a short motion are sufficient and fast
     let mut text = hydroboom_description::UIA_VIRTUAL.to_string();
     for (from, to) in [
         ("segments           = 10", "segments = 3"),
@@ -665,7 +667,7 @@ fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     assert_eq!(calibrate(&path("interrupted.toml")), whole);
     assert!(!journal.exists());
 
-    // what it writes can be read, and calibrated again
+    // the result can be read and calibrated again
     let check = hydroboom(&["check", "--crane", &path("whole.toml")]);
     assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
 }
@@ -691,7 +693,7 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     keys(&made["trials"][0], &row);
     let page = std::fs::read_to_string(folder.join("trials.html")).unwrap();
     assert!(page.contains("S-curve") && page.contains("scheduled-lqr"), "{page}");
-    // one row has who steers beside each other
+    // each row contains both controllers
     for both in made["trials"].as_array().unwrap().chunks(2) {
         let errors =
             both.iter().map(|o| format!("<td>{:.3}</td>", o["rms_true_mm"].as_f64().unwrap()));
@@ -709,9 +711,10 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];
     keys(&first["methods"][0], &method);
     assert_eq!(learned["stable"], true, "{learned}");
-    // the closed loop, four of feedforward, the replay, and learning after 1, 3 and 10 cycles from rest and without reset
+    // closed loop, four feedforward methods, replay, and learning after 1, 3 and 10 cycles from rest and
+    // without reset
     assert_eq!(first["methods"].as_array().unwrap().len(), 12);
-    // what was identified is what any command takes, but for what is said to be outside a range
+    // identified parameters are valid overrides of any command, except those reported outside their range
     let remarks = first["remarks"].to_string();
     let set: Vec<&serde_json::Value> = first["identified"]
         .as_array()
@@ -730,7 +733,8 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     says(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");
 }
 
-/// Settings of estimator and law are the controller's; `--set` changes the machine, on which they would have no effect.
+/// Settings of estimator and control law belong to the controller. `--set` changes the machine, where they
+/// would have no effect.
 #[test]
 fn virtual_takes_settings_of_the_controller_for_its_model_only() {
     let of = |arguments: &[&str]| hydroboom(&[&["virtual"], arguments].concat());
@@ -765,13 +769,14 @@ fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
     {
         assert!(header.split(',').any(|name| name == column), "no {column}: {header}");
     }
-    // a log of simulate has no command of the motor, and an interval of 10 ms
+    // a log of simulate has no motor command, and an interval of 10 ms
     assert!(hydroboom(&["simulate", "--hold-s", "2", "--log", &log]).status.success());
     let said = parsed(&["estimate", "--log", &log, "--json"]);
     assert!(said["unobservable"].to_string().contains("drive lag"), "{said}");
 }
 
-/// A measured lift on a valve, which is not part of the project: its payload is printed as 180 kg. An arm whose data has neither times nor units is refused.
+/// Measured lift with a valve, which is not part of the project: its published payload is 180 kg. An arm
+/// whose data has neither times nor units is refused.
 #[test]
 fn measured_logs_are_estimated_or_refused_with_a_reason() {
     let Ok(data) = std::env::var("HYDROBOOM_MEASURED_LOGS").map(std::path::PathBuf::from) else {
@@ -783,7 +788,7 @@ fn measured_logs_are_estimated_or_refused_with_a_reason() {
     says(&hydroboom(&["estimate", "--log", &arm]), "no column is named as a time");
     says(&hydroboom(&["estimate", "--log", &arm]), "no column has a unit");
     let crane = ["estimate", "--crane", "../../cranes/patu-lift.toml", "--log", &lift];
-    // the cylinder's own length is no stroke
+    // the length of the cylinder is no stroke
     says(&hydroboom(&crane), "has it another zero?");
     let mapping = folder("estimate-lift").join("mapping.toml");
     let text = "[log]\n[log.stroke]\ncolumn = \"s1_position\"\nunit = \"mm\"\noffset = -820.0\n";
@@ -795,9 +800,9 @@ fn measured_logs_are_estimated_or_refused_with_a_reason() {
     assert_eq!(said["consistent"], true, "{said}");
     let payload = &said["at_end"]["payload_kg"];
     let of = |name: &str| payload[name].as_f64().unwrap();
-    // what is printed counts as known to 10 % everywhere, and so do the links that it hangs on
+    // published values have an uncertainty of 10 %, also those of the links that carry the payload
     let apart = of("deviation").hypot(0.1 * 180.0);
     assert!((of("estimated") - 180.0).abs() < 2.0 * apart, "{payload}");
-    // its position ripples by 0.4 mm
+    // its position has a ripple of 0.4 mm
     assert!(said["findings"].to_string().contains("noise of the position: 0."), "{said}");
 }

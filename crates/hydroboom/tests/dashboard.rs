@@ -1,4 +1,4 @@
-//! The dashboard, as programs and people meet it.
+//! Dashboard, as used by programs and people.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -15,7 +15,7 @@ use support::browser::Browser;
 use support::run::{PATIENCE, Run};
 use tungstenite::Message;
 
-/// Where pictures go: beside the tests' other products.
+/// Folder of the screenshots, next to the tests' other products.
 fn pictures() -> PathBuf {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("dashboard");
     std::fs::create_dir_all(&folder).unwrap();
@@ -36,20 +36,20 @@ fn a_course_is_run_from_the_page_and_stopped_in_an_emergency() {
     page.wait_for("document.getElementById('state').textContent === 'Moving'");
     let tip = "page.frame.crane.boom[3][1]";
     let low = page.value(tip).as_f64().unwrap();
-    // it moves on the picture, and the canvas is drawn on
+    // the tip moves in the picture, and the canvas is not empty
     page.wait_for(&format!("{tip} > {low} + 0.3"));
     let inked = "(() => { const c = document.getElementById('crane'); const d = c.getContext('2d')\
                  .getImageData(0, 0, c.width, c.height).data; return d.some((v, k) => k % 4 === 3 && v > 0); })()";
     assert_eq!(page.value(inked), true);
     page.screenshot(&pictures().join("moving-light.png"), true);
-    // another strategy on the way
+    // change of strategy during the course
     page.value(
         "(() => { const s = document.getElementById('strategy'); s.value = 'benchmark-closed-loop'; \
          s.dispatchEvent(new Event('change')); })()",
     );
     page.wait_for("page.frame.strategy === 'benchmark-closed-loop'");
     assert_eq!(page.text("state"), "Moving");
-    // the key does what the button does, wherever the focus is
+    // the key acts like the button, wherever the focus is
     page.press("Escape");
     page.wait_for("document.getElementById('state').textContent === 'Fault'");
     assert_eq!(page.text("alarm-code"), "emergency-stop");
@@ -59,7 +59,7 @@ fn a_course_is_run_from_the_page_and_stopped_in_an_emergency() {
     page.click("reset");
     page.wait_for("document.getElementById('state').textContent === 'Holding'");
     assert!(page.value("document.getElementById('alarm').hidden").as_bool().unwrap());
-    // and again, from where it stands
+    // a second start from the present position
     page.click("start");
     page.wait_for(&format!("{tip} < {rested} - 0.2"));
     page.wait_for("page.frame.course_s >= 0");
@@ -85,14 +85,14 @@ fn it_can_be_used_by_keyboard_on_a_phone_in_the_dark() {
     page.tab_to("start");
     page.press("Enter");
     page.wait_for("page.frame.course_s > 3");
-    // nothing is wider than the phone
+    // nothing is wider than the phone's screen
     let width = page.value("document.documentElement.scrollWidth").as_f64().unwrap();
     assert!(width <= 390.0, "the page is {width} px wide");
     page.screenshot(&pictures().join("phone-dark.png"), true);
     page.tab_to("stop");
     page.press("Enter");
     page.wait_for("document.getElementById('state').textContent === 'Holding'");
-    // the browser goes, and with it the operator: nothing moves, and so nothing is wrong
+    // the browser ends, and with it the operator's presence: nothing moves, so that there is no fault
     drop(page);
     let mut viewer = run.viewer();
     viewer.wait_for_state("Ready");
@@ -117,17 +117,17 @@ fn a_lost_viewer_stops_nothing_but_a_lost_operator_does() {
     drop(other);
     let now = operator.wait_for(|m| m["type"] == "frame" && m["viewers"] == 1);
     assert_eq!(now["state"], "Moving");
-    // the operator is silent, but has not hung up: a page that hangs
+    // the operator is silent with an open connection, as with a page that hangs
     let mut watcher = run.viewer();
     let silent = Instant::now();
     let fault = watcher.wait_for_state("Fault");
     assert_eq!(fault["cause"], "operator-lost");
     assert!(silent.elapsed() > Duration::from_millis(500), "it was given no time");
-    // who was silent operates no more; another one resets
+    // the silent operator has lost the role; another one resets
     watcher.operate();
     watcher.command("reset", Value::Null);
     watcher.wait_for_state("Holding");
-    // one that hangs up is gone at once
+    // a closed connection ends the operator's presence at once
     watcher.command("start", json!({ "scenario": "small-moves", "strategy": FAST }));
     watcher.wait_for_state("Moving");
     drop(watcher);
@@ -151,7 +151,7 @@ fn anybody_with_the_token_may_stop_in_an_emergency_and_nobody_else() {
                 .contains("token")
         );
     }
-    // who guesses on is shown the door
+    // repeated guesses close the connection
     stranger.send(r#"{"command":"emergency-stop","token":"x"}"#);
     while stranger.next().is_some() {}
     assert_eq!(operator.wait_for(|m| m["type"] == "frame")["state"], "Holding");
@@ -168,7 +168,7 @@ fn a_start_of_somebody_who_is_gone_moves_nothing() {
     first.wait_for_state("Holding");
     first.command("emergency-stop", Value::Null);
     first.wait_for_state("Fault");
-    // in a fault, and while the machine is not held yet
+    // during a fault, and before the load is held
     first.command("start", json!({ "strategy": FAST }));
     let notice = |m: &Value| m["news"]["notices"].to_string();
     first.wait_for(|m| {
@@ -186,17 +186,17 @@ fn a_start_of_somebody_who_is_gone_moves_nothing() {
     second.wait_for(|m| {
         assert!(m["type"] != "frame" || m["state"] == "Holding", "{}", m["state"]);
         for sample in m["samples"].as_array().into_iter().flatten() {
-            // the eleventh is the commanded speed
+            // the eleventh entry is the commanded speed
             assert!(m["type"] != "frame" || sample[10] == 0.0, "{sample}");
         }
         begun.elapsed() > Duration::from_secs(4)
     });
-    // and what the second one asks for is done
+    // and a request of the second operator is executed
     second.command("start", json!({ "strategy": FAST }));
     second.wait_for_state("Moving");
 }
 
-/// Connections that ask for nothing, or for half of something.
+/// Connections that send no request, or an incomplete one.
 struct HalfOpen<'a> {
     host: &'a str,
     count: usize,
@@ -212,11 +212,11 @@ impl<'a> HalfOpen<'a> {
         let mut stream = TcpStream::connect(self.host).unwrap();
         self.count += 1;
         if self.count.is_multiple_of(2) {
-            // it may have been closed already
+            // the server may have closed it already
             let _ = write!(stream, "GET /live HTTP/1.1\r\nHost: {}\r\n", self.host);
         }
         self.open.push_back(stream);
-        // also a test has only so many descriptors
+        // the test itself has a limited number of descriptors
         if self.open.len() > 900 {
             self.open.pop_front();
         }
@@ -225,17 +225,17 @@ impl<'a> HalfOpen<'a> {
 
 #[test]
 fn half_open_connections_shut_nobody_out() {
-    // what a process has is used up by less than they are
+    // the process has fewer descriptors than there are connections
     let run = Run::start_with_descriptors(512);
     let mut operator = run.viewer();
     operator.operate();
     operator.wait_for_state("Holding");
     let mut half_open = HalfOpen::new(&run.host);
     (0..1100).for_each(|_| half_open.add());
-    // 128 that ask for nothing, the operator, and what the process has anyway
+    // 128 idle connections, the operator, and the process's own descriptors
     let descriptors = run.descriptors();
     assert!(descriptors < 200, "{descriptors} descriptors");
-    // and they keep coming
+    // and further connections arrive
     let (is_over, begun) = (AtomicBool::new(false), Instant::now());
     std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -250,7 +250,7 @@ fn half_open_connections_shut_nobody_out() {
         assert_eq!(fault["cause"], "emergency-stop");
         assert!(begun.elapsed() < Duration::from_secs(2), "after {:?}", begun.elapsed());
     });
-    // who was there before is there still, and pages are served
+    // earlier viewers stay connected, and pages are served
     assert_eq!(operator.wait_for_state("Fault")["cause"], "emergency-stop");
     assert!(run.get("/", "").0.starts_with("HTTP/1.1 200"));
     assert!(!run.said.lock().unwrap().contains("the dashboard ends"));
@@ -264,12 +264,12 @@ fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_l
     let controls = "[document.getElementById('strategy').value, document.getElementById('motion').value].join()";
     assert_eq!(page.value(controls), "scheduled-lqr,reversal");
     assert_eq!(page.text("chosen"), "chosen: scheduled-lqr, reversal");
-    // without a role nothing can be started, and it is said what for
+    // without the operator's role no start is possible, and the page states the reason
     assert!(page.value("document.getElementById('start').disabled").as_bool().unwrap());
     page.wait_for(
         "document.getElementById('waits').textContent.startsWith('a start waits for an operator')",
     );
-    // somebody else chooses: it is seen here
+    // the choice of another operator is shown on this page
     let mut operator = run.viewer();
     operator.operate();
     operator.wait_for_state("Holding");
@@ -286,7 +286,7 @@ fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_l
     assert_eq!(page.value("document.getElementById('speed').value"), "33");
     assert!(page.value("document.getElementById('start').disabled").as_bool().unwrap());
     drop(operator);
-    // who takes the role then goes on with that; and who comes later sees it, too
+    // a later operator continues with this choice, and a later viewer sees it
     page.wait_for("!document.getElementById('role').disabled");
     page.click("role");
     page.wait_for("!document.getElementById('start').disabled");
@@ -303,7 +303,7 @@ fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_l
     page.click("start");
     page.wait_for("page.frame.state === 'Moving'");
     assert_eq!(page.value("page.frame.strategy"), "benchmark-closed-loop");
-    // the estimator runs under every strategy: its values with their deviations, and its curves with their bands
+    // the estimator runs under every strategy: values with standard deviations, and curves with bands
     page.wait_for("page.frame.course_s > 2.5");
     let table = page.text("estimated");
     assert!(table.contains("payload") && table.contains("transition pressure"), "{table}");
@@ -314,7 +314,7 @@ fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_l
     let [estimated, high, low] = [0, 1, 2].map(|k| band[k].as_f64().unwrap());
     assert!(low < estimated && estimated < high && (low..high).contains(&316.0), "{band}");
     page.screenshot(&pictures().join("estimates-light.png"), true);
-    // what a frame says is drawn a moment later
+    // a frame is drawn with a delay
     page.wait_for(
         "document.getElementById('waits').textContent.startsWith('a start waits for the end of the course')",
     );
@@ -328,7 +328,7 @@ fn faults_are_injected_found_and_mended() {
     operator.wait_for_state("Holding");
     operator.command("fault", json!({ "fault": "p_A not a number" }));
     assert_eq!(operator.wait_for_state("Fault")["cause"], "not-a-number");
-    // as long as it is broken no reset helps
+    // while the fault persists, a reset has no effect
     operator.command("reset", Value::Null);
     let begun = Instant::now();
     operator.wait_for(|m| {
@@ -370,13 +370,13 @@ fn strangers_pages_and_what_is_no_message_are_refused() {
     while bad.next().is_some() {}
     let mut flood = run.viewer();
     for _ in 0..300 {
-        // it may have been closed before all are sent
+        // the connection may be closed before all messages are sent
         if flood.socket.send(Message::text(r#"{"command":"alive"}"#)).is_err() {
             break;
         }
     }
     while flood.next().is_some() {}
-    // wrong speeds and names are answered, and nothing moves
+    // invalid speeds and names get an answer, and nothing moves
     for (rest, reason) in [
         (json!({ "strategy": "magic" }), "no such strategy"),
         (json!({ "strategy": FAST, "scenario": "none" }), "no scenario"),

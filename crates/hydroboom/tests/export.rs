@@ -1,4 +1,4 @@
-//! Model and controller as source code, as a user gets them.
+//! Export of model and controllers as source code.
 
 #[path = "support/command.rs"]
 mod command;
@@ -33,7 +33,7 @@ fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
         let found = all.iter().find(|c| c["block"] == block && c["call"] == call).unwrap();
         found["flops"].as_u64().unwrap()
     };
-    // the step is that of both blocks, but for what the boom shows at its end
+    // the step is that of both blocks, except for the boom's outputs at its end
     assert!(of("model", "step") < of("hydraulic_model", "step") + of("flexible_boom", "step"));
     assert!(of("model", "step") > of("flexible_boom", "step"));
 }
@@ -52,7 +52,7 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
         &hydroboom(&["export", "c", "--out", &out]),
         "is a file, and files are to be written into it",
     );
-    // in single precision there is no test bench: that of an earlier export is told
+    // single precision has no test bench: the file of an earlier export is reported
     std::fs::remove_file(&out).unwrap();
     assert!(hydroboom(&["export", "st", "--out", &out]).status.success());
     let output = hydroboom(&["export", "st", "--single", "--out", &out]);
@@ -63,14 +63,14 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
     );
 }
 
-/// Scripts of earlier versions ask for it.
+/// Scripts for earlier versions request it.
 #[test]
 fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
     let out = files("export-replaced")("following.fmu");
     let output = hydroboom(&["export", "fmu", "--what", "model-following", "--out", &out]);
     assert!(!output.status.success() && !std::path::Path::new(&out).exists());
     let said = String::from_utf8_lossy(&output.stderr);
-    // a terminal's lines are narrower than the sentence
+    // the lines of a terminal are narrower than the sentence
     let said = said.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ");
     assert!(said.contains("model following has been replaced by scheduled-lqr"), "{said}");
     let (_, today) = said.split_once("today --what is one of ").unwrap();
@@ -81,7 +81,7 @@ fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
         let made = hydroboom(&["export", "fmu", "--what", what, "--out", &path]);
         assert!(made.status.success() && std::path::Path::new(&path).exists(), "{what}");
     }
-    // nor is it offered, or written among others
+    // it is neither offered nor exported together with others
     let offered = hydroboom(&["export", "fmu", "--help"]).stdout;
     assert!(!String::from_utf8_lossy(&offered).contains("model-following"));
     for target in ["st", "c"] {
@@ -91,8 +91,8 @@ fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
     }
 }
 
-/// Plant and controller as FMUs, driven by FMPy, come to what `motion` says of the same pair. Skipped where `HYDROBOOM_FMPY` names no
-/// Python with FMPy.
+/// Plant and controller as FMUs, simulated by FMPy, reproduce the results of `motion` for the same pair.
+/// Skipped unless `HYDROBOOM_FMPY` names a Python with FMPy.
 #[test]
 fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
     let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
@@ -116,7 +116,7 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
     std::fs::write(&course, rows).unwrap();
     let closed = |what: &str| -> f64 {
         let controller = path(&format!("{what}.fmu"));
-        // a plant without noise repeats itself at rest
+        // a plant without noise has constant signals at rest
         let quiet = ["--set", "supervision.stuck_ms=0"];
         let made = ["export", "fmu", "--what", what, "--fmi", "3", "--out", &controller];
         let made = [&made[..], &quiet].concat();
@@ -143,7 +143,7 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
     ];
     for (what, strategy) in pairs {
         let (found, wanted) = (closed(what), said(strategy));
-        // a released load begins lifted, and with other pressures
+        // a released load starts at a higher position with other pressures
         assert!((found / wanted - 1.0).abs() < 0.02, "{what}: {found} mm, motion says {wanted} mm");
     }
 }

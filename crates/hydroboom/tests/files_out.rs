@@ -1,4 +1,5 @@
-//! No command loses a file: inputs stay, outputs are whole or as they were, and none is lost for another.
+//! No command loses a file: inputs are kept, outputs are complete or unchanged, and a failure of one does
+//! not affect another.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -11,7 +12,7 @@ use std::os::unix::fs::{FileTypeExt, symlink};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A log of a short run of the simulation.
+/// Log of a short simulation.
 fn log(path: &str) -> Vec<u8> {
     let made = hydroboom(&["simulate", "--hold-s", "0.3", "--valve", "0", "--log", path]);
     assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
@@ -89,7 +90,7 @@ fn no_command_writes_over_its_input() {
         for (name, kept) in all.iter().zip(&kept) {
             assert_eq!(&before(name), kept, "{name} after {attempt:?}: {}", errors(&output));
         }
-        // what is no log of a run is told as such before
+        // a file that is no log of a run is reported as such first
         if attempt[1] != "to-csv" {
             assert!(
                 errors(&output).contains("it is the input"),
@@ -121,7 +122,7 @@ fn an_input_is_known_by_every_path() {
     let output = Command::new("sh").args(["-c", &shell, program]).output().unwrap();
     says(&output, "it is the input");
     assert_eq!(fs::read(&csv).unwrap(), kept);
-    // a file of the folder that is written into
+    // a file in the folder of the outputs
     let crane = at("sub/motion.html");
     assert!(hydroboom(&["new", &crane]).status.success());
     let kept = fs::read(&crane).unwrap();
@@ -142,8 +143,8 @@ fn two_outputs_are_two_files() {
     assert!(!Path::new(&log).exists());
 }
 
-/// A full disk, a folder that is not there: the results are printed, the other files written, and the
-/// program says at its end what is missing.
+/// A full disk, or a missing folder: the results are printed, the other files are written, and the program
+/// lists the missing ones at the end.
 #[test]
 fn an_output_that_fails_costs_no_other() {
     let dir = folder("other-outputs");
@@ -175,7 +176,7 @@ fn an_output_that_fails_costs_no_other() {
     assert_eq!(names(&dir), ["kept.json"]);
 }
 
-/// The file system ends in the middle of a log: what was there before stays.
+/// The disk becomes full while a log is written: the previous log is kept.
 #[test]
 fn a_log_that_does_not_fit_leaves_the_one_before() {
     let dir = folder("does-not-fit");
@@ -205,7 +206,7 @@ fn results_that_cannot_be_printed_are_a_failure_and_cost_no_file() {
     assert!(fs::metadata(&path).unwrap().len() > 1000);
 }
 
-/// Standard output named as a file: the table and the log come one after the other.
+/// Standard output named as a file: the table and the log follow each other.
 #[test]
 fn standard_output_is_written_in_place() {
     let dir = folder("in-place");
@@ -219,7 +220,7 @@ fn standard_output_is_written_in_place() {
     assert!(status.success());
     let said = fs::read_to_string(&out).unwrap();
     assert!(said.starts_with("time_s,") && said.contains("after 0.100 s"), "{said}");
-    // a pipe takes the log of a run, too
+    // a pipe also takes the log of a run
     let command = "\"$0\" run --auto --simulated-time --log /dev/fd/3 3>&1 >/dev/null | head -c 8";
     let output = Command::new("bash").args(["-c", command, program]).output().unwrap();
     assert_eq!(output.stdout, b"\x89MCAP0\r\n", "{}", errors(&output));

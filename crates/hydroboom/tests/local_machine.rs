@@ -1,4 +1,5 @@
-//! `run --machine`: what cannot be attached is said, with what to do. Whole courses of machines in other processes are in `crates/realtime/tests/machine_examples.rs`.
+//! `run --machine`: an attachment that fails is reported with advice. Complete courses of machines in other
+//! processes are in `crates/realtime/tests/machine_examples.rs`.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -13,17 +14,17 @@ use std::io::{BufRead, BufReader, Read};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::process::{Child, Command, Stdio};
 
-/// Messages are wrapped, and marked at the beginning of a line.
+/// Text of a message without its line breaks and line marks.
 fn in_one_line(text: &str) -> String {
     text.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ")
 }
 
-/// A port that nobody has.
+/// Unused port.
 fn free_port() -> u16 {
     UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port()
 }
 
-/// A run that waits for a machine, and what it says from then on.
+/// Run that waits for a machine, and its further output.
 fn waiting(port: u16) -> (Child, BufReader<impl Read>) {
     let machine = format!("udp:{port}");
     let mut run = Command::new(env!("CARGO_BIN_EXE_hydroboom"))

@@ -1,11 +1,11 @@
-//! What commands print of cranes that differ from the paper's, read as a sceptical engineer would.
+//! Consistency of the printed results for cranes that differ from the paper's.
 
 #[path = "support/command.rs"]
 mod command;
 
 use command::{files, hydroboom, parsed};
 
-/// What it prints, as text; it has to succeed.
+/// Printed text; the command must succeed.
 fn said(arguments: &[&str]) -> String {
     let output = hydroboom(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -22,7 +22,8 @@ fn the_papers_columns_stand_beside_no_crane_with_other_values() {
     }
 }
 
-/// The simulation feedforward of a light load on a plant with a heavy one runs into the end stop; the others do not.
+/// Simulation feedforward for a light load on a plant with a heavy one runs into the end stop; the other
+/// strategies do not.
 #[test]
 fn a_run_that_stops_is_a_row_that_says_so_and_the_rest_stands() {
     let arguments = [
@@ -51,7 +52,7 @@ fn a_run_that_stops_is_a_row_that_says_so_and_the_rest_stands() {
     assert!(rows.iter().any(|row| !row["stopped"].is_null()));
 }
 
-/// Cranes that every reading is of, as overrides: those of `cranes/`, and odd ones.
+/// Cranes of the tests as overrides: those of `cranes/`, and unusual ones.
 const CRANES: [&[&str]; 8] = [
     &[],
     &["payload.mass_kg=155"],
@@ -76,10 +77,10 @@ const CRANES: [&[&str]; 8] = [
     &["payload.x_mm=9000"],
 ];
 
-/// Words and numbers of `design` and `eigen` agree: unstable or not, and the two ways to a frequency.
+/// Text and numbers of `design` and `eigen` agree: stability, and both methods for the frequency.
 #[test]
 fn words_agree_with_numbers_on_every_crane() {
-    // the paper's crane without ranges, which the other cranes leave
+    // the paper's crane without ranges, which the other cranes exceed
     let file = files("every-crane")("crane.toml");
     assert!(hydroboom(&["new", &file]).status.success());
     let text = std::fs::read_to_string(&file).unwrap();
@@ -101,7 +102,7 @@ fn words_agree_with_numbers_on_every_crane() {
                 let margins = &at[loop_of];
                 let is_stable = margins["unstable_poles"] == 0;
                 assert_eq!(margins["stable"], is_stable, "{crane:?}: {margins}");
-                // no margins beside a loop that has none
+                // no margins without a stable loop
                 assert_eq!(margins["phase_deg"].is_null() && !is_stable, !is_stable, "{margins}");
                 is_stable
             })
@@ -117,7 +118,8 @@ fn words_agree_with_numbers_on_every_crane() {
         let row = &eigen["eigenfrequency"][0];
         let apart =
             row["frictionless_hz"].as_f64().unwrap() / row["linearised_hz"].as_f64().unwrap() - 1.0;
-        // soft oil stiffens within the drop: 8 % with a piston of 100 mm, which is said with the pressures
+        // soft oil stiffens during the drop: 8 % with a piston of 100 mm, which the text mentions with the
+        // pressures
         assert!(apart.abs() < 0.1, "{crane:?}: {row}");
         let told = said(&of(&["eigen", "--stroke-mm", "200"]));
         let largest = format!("they differ by {:.1} % at most", 100.0 * apart.abs());
@@ -129,7 +131,7 @@ fn words_agree_with_numbers_on_every_crane() {
     }
 }
 
-/// In JSON of commands that close a loop: a benchmark whose gains are too high for a load on soft oil.
+/// JSON of commands that close a loop, with benchmark gains that are too high for a load on soft oil.
 #[test]
 fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
     let path = files("flags");
@@ -150,7 +152,7 @@ fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
     assert_eq!(found["stable"], false, "{found}");
     assert!(found["sustained_oscillation"]["amplitude_mm"].as_f64() > Some(2.0), "{found}");
     assert_eq!(of(&["virtual", "--json"])["stable"], true);
-    // the piston swings up to its stop, and the supervisor ends the course: it has no errors
+    // the piston oscillates up to its stop, and the supervisor ends the course: it has no errors
     let run = ["run", "--simulated-time", "--json", "--crane", &light];
     let papers_gains = [
         "--set=controller.proportional_per_s=4.5",
@@ -172,7 +174,8 @@ fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
     assert_eq!(only("200 kg moved from 350 mm")["stable"], true);
 }
 
-/// A sample a second shows no oscillation at 2 Hz, and not what the motor did in between: nothing is right or wrong by it.
+/// One sample per second resolves neither an oscillation of 2 Hz nor the motor's input in between: nothing
+/// is judged.
 #[test]
 fn samples_that_are_too_far_apart_judge_nothing() {
     let path = files("far-apart");
@@ -194,10 +197,10 @@ fn samples_that_are_too_far_apart_judge_nothing() {
         assert!(signal["sensor_error"].is_null(), "{signal}");
     }
     assert_eq!(found["remedies"].as_array().unwrap().len(), 0, "{found}");
-    // every hundredth second they are told, and the model is right for its own log
+    // with a sample every 0.01 s the aspects are judged, and the model is right for its own log
     let found = parsed(&["validate", "--log", &log, "--json"]);
     let verdict = found["verdict"].as_array().unwrap();
-    // what rings is damped so strongly at this speed that no frequency can be read
+    // the oscillation is damped too strongly at this speed for a reliable frequency
     let told: Vec<&str> = verdict.iter().map(|of| of["aspect"].as_str().unwrap()).collect();
     assert_eq!(told, ["position", "pressures", "damping"], "{found}");
     assert!(verdict.iter().all(|aspect| aspect["right"] == true), "{found}");
@@ -207,7 +210,7 @@ fn samples_that_are_too_far_apart_judge_nothing() {
     assert_eq!(count, 6, "{words}");
 }
 
-/// A log with one column changed, row by row, its head kept or replaced.
+/// Log with one column changed row by row, its head kept or replaced.
 #[expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 fn changed(from: &str, to: &str, column: &str, heading: &str, change: impl Fn(f64) -> f64) {
     let text = std::fs::read_to_string(from).unwrap();
@@ -223,7 +226,7 @@ fn changed(from: &str, to: &str, column: &str, heading: &str, change: impl Fn(f6
     std::fs::write(to, rows.join("\n")).unwrap();
 }
 
-/// A log with one column so many rows late.
+/// Log with one column delayed by some rows.
 #[expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 fn late(from: &str, to: &str, column: &str, rows: usize) {
     let text = std::fs::read_to_string(from).unwrap();
@@ -241,8 +244,9 @@ fn late(from: &str, to: &str, column: &str, rows: usize) {
     std::fs::write(to, lines.join("\n")).unwrap();
 }
 
-/// One sensor that is off by 5 bar, or has a scale that is wrong by 4 %: it is named, and no key is moved for it, because the sensor on the other side of the open valve
-/// speaks against it. A wrong load is seen by both, and is no sensor's.
+/// One sensor with an offset of 5 bar or a scale error of 4 %: it is isolated, and no key is proposed,
+/// because the sensor on the other side of the open valve contradicts it. A wrong load shows in both
+/// sensors and is no sensor fault.
 #[test]
 fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
     let path = files("sensors");
@@ -269,7 +273,7 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
         assert!(line.contains("p_PA shows nothing of it"), "{line}");
         assert!(!text.contains("each key on its own"), "{text}");
     }
-    // a motor speed that is late beside all the rest is one delay, and no sensor is early
+    // a motor speed delayed relative to all other signals is one delay, not several advanced sensors
     late(&log, &off, "motor_speed_rpm", 2);
     let text = said(&["validate", "--log", &off]);
     assert!(text.contains("motor speed: 20.0 ms late beside x_cyl"), "{text}");
@@ -281,7 +285,8 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
     assert_eq!(advice.matches("payload.mass_kg").count(), 1, "{advice}");
 }
 
-/// Numbers without a unit in MPa and rad/s: taken for bar and rpm by their size, and suspected by what the crane says of them.
+/// Numbers without a unit in MPa and rad/s: assumed to be bar and rpm by their magnitude, and suspected
+/// because of the crane's expected values.
 #[test]
 fn units_that_are_guessed_wrong_are_suspected_by_size() {
     let path = files("guessed-units");
@@ -301,14 +306,15 @@ fn units_that_are_guessed_wrong_are_suspected_by_size() {
     let text = suspicions(&both);
     assert!(text.contains("is it in MPa?") && text.contains("is it in rad/s?"), "{text}");
     assert_eq!(suspicions(&log), "");
-    // in bar and rpm the guess is right
+    // in bar and rpm the assumption is right
     changed(&log, &one, &pressure, "pressure_a", |bar| bar);
     changed(&one, &both, &motor, "motor_speed", |rpm| rpm);
     assert_eq!(suspicions(&both), "");
 }
 
-/// The paper's crane with another load, no noise, delays and offsets of channels free: the search finds a load 19 % lighter although the boom rings
-/// at another frequency. One of 35 % it need not find; then the interval holds it all the same, and the model is not called right.
+/// The paper's crane with another load, without noise, with free delays and offsets of the channels. The
+/// search finds a load that is 19 % lighter, although the boom oscillates at another frequency. A load that
+/// is 35 % lighter may be missed; then the interval still contains it, and the model is not judged right.
 #[test]
 fn another_load_is_found_or_the_model_is_not_right() {
     let log = files("another-load")("log.csv");

@@ -1,4 +1,4 @@
-//! What commands write is read back to the last digit, in every format.
+//! Written files are read back bit-identically in every format.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -20,7 +20,7 @@ fn log(path: &str) -> Measurement {
     read(Path::new(path), None).unwrap()
 }
 
-/// Every number of a CSV file, by its column.
+/// All numbers of a CSV file by column.
 fn columns(path: &str) -> Vec<(String, Vec<f64>)> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();
@@ -38,12 +38,12 @@ fn columns(path: &str) -> Vec<(String, Vec<f64>)> {
     columns
 }
 
-/// Bits of numbers; what is missing is alike, and so are both zeros.
+/// Bits of numbers; all NaN are equal, and so are both zeros.
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| if v.is_nan() { u64::MAX } else { (v + 0.0).to_bits() }).collect()
 }
 
-/// The channels of a log are these columns, and its signals these in SI units.
+/// Checks that the channels of a log are these columns, and its signals these in SI units.
 fn is_read_as(log: &Measurement, written: &[(String, Vec<f64>)]) {
     let time = &written[0].1;
     for channel in &log.channels {
@@ -67,7 +67,7 @@ fn is_read_as(log: &Measurement, written: &[(String, Vec<f64>)]) {
     }
 }
 
-/// Both say the same but for the log's name.
+/// Checks that both validations agree except for the log's name.
 fn validates_alike(one: &str, other: &str) {
     let of = |path: &str| -> Value {
         let mut found = parsed(&["validate", "--log", path, "--to-s", "2", "--json"]);
@@ -93,7 +93,7 @@ fn simulate_and_virtual_are_read_back_from_csv_and_mat() {
         made(&[command, &[&mat]].concat());
         let written = columns(&csv);
         assert!(written[0].1.len() > 100);
-        // numbers have all their digits: nearly none ends after ten
+        // numbers have all their digits: few end after ten
         let digits = |v: &f64| format!("{v:e}").split('e').next().unwrap().len();
         let (_, pressures) = written.iter().find(|(n, _)| n.ends_with("pressure_a_bar")).unwrap();
         if command[0] == "simulate" {
@@ -114,7 +114,7 @@ fn a_run_is_read_back_from_mcap_and_csv() {
     let written = columns(&csv);
     assert!(written[0].1.len() > 1000);
     let found = log(&mcap);
-    // the numbers of messages, and those of the table made of them
+    // numbers of the messages, and of the table made from them
     let mut compared = 0;
     let is_of = |heading: &str, name: &str| heading.rsplit(['.', '/']).next() == Some(name);
     for channel in &found.channels {
@@ -139,7 +139,7 @@ fn a_run_is_read_back_from_mcap_and_csv() {
     }
     let found = parsed(&["validate", "--log", &mcap, "--to-s", "2", "--json"]);
     assert!(!found["signals"].as_array().unwrap().is_empty(), "{found}");
-    // the log's clock counts ns, the column of times is as it was computed: a valve may open a step apart
+    // the log's clock counts ns, the time column has the computed values: a valve may open in another step
     let of_csv = parsed(&["validate", "--log", &csv, "--to-s", "2", "--json"]);
     let rms = |of: &Value| -> Vec<f64> {
         let signals = of["signals"].as_array().unwrap().iter();
@@ -177,7 +177,7 @@ fn motion_tests_are_read_back_and_their_report_has_its_figures() {
     files.sort();
     assert_eq!(files.iter().filter(|name| name.ends_with(".svg")).count(), drawn);
     assert_eq!(files.iter().filter(|name| name.ends_with(".csv")).count(), drawn);
-    // the numbers of a figure are those of the runs, none left out
+    // the data of a figure are all those of the runs
     let error = files.iter().find(|n| n.contains("how-far") && n.ends_with(".csv")).unwrap();
     let figure = columns(&at(&format!("out/motion-figures/{error}")));
     let run = logs.iter().find(|p| p.to_str().unwrap().contains("velocity-feedforward")).unwrap();
@@ -190,7 +190,7 @@ fn motion_tests_are_read_back_and_their_report_has_its_figures() {
     }
 }
 
-/// The block of a report can be trusted to make it again.
+/// A report can be reproduced from its origin block.
 #[test]
 fn a_report_says_how_it_was_made() {
     let at = files("origin");

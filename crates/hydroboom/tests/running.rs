@@ -1,4 +1,4 @@
-//! Runs beside a machine, as a user starts them.
+//! Runs with a machine, as users start them.
 
 #[path = "support/command.rs"]
 mod command;
@@ -26,7 +26,8 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     );
     assert!(run["fault"].is_null(), "{run}");
     assert!(run["rms_measured_mm"].as_f64().unwrap() < 1.1, "{run}");
-    // in simulated time the machine is in this process, and its piston can be looked at: the encoder's noise and the fieldbus's delay are not its
+    // in simulated time the true position is known: it has neither the encoder's noise nor the fieldbus's
+    // delay
     let [truth, measured] =
         ["rms_true_mm", "rms_measured_mm"].map(|key| run[key].as_f64().unwrap());
     assert!(truth > 0.0 && truth != measured, "{run}");
@@ -40,7 +41,7 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     };
     let whole = rows(&log);
     assert!(whole > 20_000, "{whole} rows");
-    // cut off anywhere, less than a second is lost
+    // with a truncation anywhere, less than a second is lost
     let bytes = std::fs::read(&log).unwrap();
     let cut = folder.join("cut.mcap");
     std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
@@ -50,7 +51,7 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     assert!(!foreign.status.success());
 }
 
-/// What earlier versions took is refused with what stands in its place.
+/// Options of earlier versions are refused with their replacement.
 #[test]
 fn what_was_replaced_names_its_successor() {
     says(&hydroboom(&["run", "--simulated-time", "--learned", "learned.json"]), "scheduled-lqr");
@@ -105,7 +106,7 @@ fn several_courses_are_summed_up() {
 fn a_full_disk_ends_the_log_and_not_the_run() {
     let folder = folder("full");
     let log = folder.join("run.mcap");
-    // no file may become larger than 500 kB: the system refuses to write on, as on a full disk
+    // file size limited to 500 kB: the system refuses further writes, as on a full disk
     let script = r#"ulimit -f 500 && exec "$0" run --simulated-time --json --log "$1""#;
     let output = Command::new("bash")
         .args(["-c", script, env!("CARGO_BIN_EXE_hydroboom"), log.to_str().unwrap()])
@@ -129,7 +130,7 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
 
 #[test]
 fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_its_load() {
-    // a computer that stalls may end the run before: then it is tried again
+    // a computer that stalls may end the run early: then it is tried again
     for _ in 0..6 {
         let run = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
             .args(["run", "--auto", "--json"])
@@ -162,7 +163,7 @@ fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_i
     panic!("deadlines were missed every time");
 }
 
-/// The campaign itself is tested where it is; here, what the command says of a part of it.
+/// The campaign is tested in its own crate; here the output of the command for a part of it.
 #[test]
 fn the_fault_campaign_says_what_became_of_every_case() {
     let campaign = parsed(&["faults", "--only", "p_A shows", "--json"]);
@@ -177,7 +178,7 @@ fn the_fault_campaign_says_what_became_of_every_case() {
         assert!(o["moved_mm"].as_f64().unwrap() <= o["movement_bound_mm"].as_f64().unwrap(), "{o}");
         assert!(o["peak_pressure_bar"].as_f64().unwrap() > 10.0, "{o}");
     }
-    // under one strategy the same cases come to the same
+    // under one strategy the same cases have the same results
     let one = ["faults", "--only", "p_A shows", "--strategy", "scheduled-lqr", "--json"];
     let part = parsed(&one);
     let is_of_it = |o: &&serde_json::Value| o["strategy"] == "scheduled-lqr";

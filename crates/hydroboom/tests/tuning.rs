@@ -1,4 +1,4 @@
-//! Logs, tuning, sensitivity and other circuits, as a user meets them.
+//! Logs, tuning, sensitivity and other circuits, as users run them.
 
 #[path = "support/command.rs"]
 mod command;
@@ -84,7 +84,7 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
     says(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
 }
 
-/// Section 5.2: the paper's model, tuned by hand, differs from its crane as Table 6 says.
+/// Section 5.2: the paper's manually tuned model differs from its crane as in Table 6.
 #[test]
 fn a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_seen() {
     let path = files("table-6");
@@ -94,7 +94,8 @@ fn a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_seen() {
     }
     let found = parsed(&[
         "tune",
-        // seals that give before they slide hold the load where the published law lets it creep
+        // seals with elastic deformation before sliding hold the load, which would creep with the published
+        // law
         "--set",
         "friction.law=lugre",
         "--log",
@@ -146,7 +147,7 @@ fn a_crane_on_a_valve_is_written_checked_shown_and_refused_where_it_does_not_bel
     }
 }
 
-/// A log of the valve-controlled crane's own kind is not made here: this one is, by hand, of a crane that stands still.
+/// Log of a valve-controlled crane at rest, written by hand because no command makes one.
 #[test]
 fn a_log_of_a_crane_on_a_valve_drives_it() {
     let path = files("valve-log");
@@ -163,7 +164,7 @@ fn a_log_of_a_crane_on_a_valve_drives_it() {
     let found = parsed(&["validate", "--crane", crane, "--log", log, "--json"]);
     let signals = found["signals"].as_array().unwrap();
     assert_eq!(signals.len(), 3, "{found}");
-    // friction holds what 66 bar do not carry: nothing moves but by its leakage
+    // friction holds the load that 66 bar do not carry: nothing moves except by leakage
     assert!(signals[0]["rms"].as_f64().unwrap() < 0.2, "{found}");
     let notes = found["notes"].to_string();
     assert!(notes.contains("p_P was not logged"), "{notes}");
@@ -189,7 +190,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     let asked = ["--hold-out", "6:7", "--in-turn", "--test-log", &other, "--report", &report];
     let asked = [&tune[..], &asked].concat();
     let found = parsed(&asked);
-    // the search that did not see the stretch is another than the one over all
+    // the search without the stretch differs from the one over the whole log
     let of = |search: &serde_json::Value| search["keys"][1]["after"].as_f64().unwrap();
     let without = &found["in_turn"][0];
     assert_eq!(
@@ -223,7 +224,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     says(&hydroboom(&other), "no journal");
     std::fs::remove_file(&journal).unwrap();
 
-    // stopped as Ctrl-C does, and begun again: the same end as without a stop
+    // interrupted as by Ctrl-C and restarted: the same result as without an interruption
     let whole = parsed(&tune);
     let kept = [&tune[..], &["--out", &tuned]].concat();
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
@@ -267,12 +268,13 @@ fn parameters_are_ranked_with_slopes_and_indices() {
         &["key", "percent_per_percent", "less", "more", "sobol_first", "sobol_total"],
     );
     let total = |k: usize| output["keys"][k]["sobol_total"]["value"].as_f64().unwrap();
-    // two keys that act nearly alone: their totals come to the whole, within what 24 rows tell
+    // two keys with little interaction: their total indices sum up to one, within the accuracy of 24 rows
     assert!((0.5..1.6).contains(&(total(0) + total(1))), "{output}");
     let page = std::fs::read_to_string(report).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("Sobol"));
     says(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
-    // the scheduled LQR is re-run; an error is nowhere below zero, as a straight line from a minimum would be
+    // the scheduled LQR is re-run; an error is never below zero, as a linear extrapolation from a minimum
+    // would be
     let short =
         ["motion.end_mm=250", "motion.dwell_s=1", "motion.rest_s=0.5"].map(|set| ["--set", set]);
     let base =
@@ -291,7 +293,8 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     says(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
 }
 
-/// A measured lift, which is not part of the project: what docs/two-machines.md promises of its ends when the search has not seen them.
+/// Measured lift, which is not part of the project: the prediction of its ends that docs/two-machines.md
+/// states, with the ends held out.
 #[test]
 fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
     let Ok(data) = std::env::var("HYDROBOOM_MEASURED_LOGS") else {
@@ -334,12 +337,13 @@ fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
             assert!(model < most && model < 0.8 * last, "{of}");
         }
     }
-    // the same payload whatever end is left out
+    // the payload does not depend on which end is held out
     let ([low, high], [other_low, other_high]) = (payload(&searches[0]), payload(&searches[1]));
     assert!(low < other_high && other_low < high, "{low} to {high}, {other_low} to {other_high}");
 }
 
-/// From a log of the benchmark in closed loop: what is proposed is an input of `simulate`. From a log of another crane nothing is, and a motor at its limit is told.
+/// From a log of the benchmark in closed loop, the proposed commands are an input of `simulate`. From a log
+/// of another crane nothing is proposed, and a motor at its limit is reported.
 #[test]
 fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     let path = files("learn-log");

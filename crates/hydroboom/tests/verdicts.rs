@@ -1,18 +1,18 @@
-//! What is said of loops: an unstable one is told so, and its numbers are no results.
+//! Verdicts on loops: an unstable one is reported, and its numbers are no results.
 
 #[path = "support/command.rs"]
 mod command;
 
 use command::{folder, hydroboom, parsed, says};
 
-/// What it prints, as text; it has to succeed.
+/// Printed text; the command must succeed.
 fn said(arguments: &[&str]) -> String {
     let output = hydroboom(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// A third of the payload leaves the load on soft oil, and the paper's gains are too high for it.
+/// A third of the payload leaves the load on soft oil, for which the paper's gains are too high.
 const LIGHT: [&str; 2] = ["--set", "payload.mass_kg=100"];
 
 #[test]
@@ -33,7 +33,7 @@ fn design_tells_an_unstable_loop_in_place_of_its_margins() {
     said(&[&["design", "--out", folder.to_str().unwrap()], &LIGHT[..]].concat());
     let page = std::fs::read_to_string(folder.join("design.html")).unwrap();
     assert!(page.contains(r#"<td class="unstable">unstable</td>"#), "no cell says so");
-    // the paper's crane is stable, and nothing says otherwise
+    // the paper's crane is stable, and no text says otherwise
     let text = said(&["design"]);
     assert!(!text.to_lowercase().contains("unstable"), "{text}");
     assert_eq!(parsed(&["design", "--json"])["stable"], true);
@@ -57,7 +57,7 @@ fn motion_prints_no_error_of_a_run_in_sustained_oscillation() {
     assert_eq!(of("scheduled-lqr")["stable"], true);
 }
 
-/// What it says on standard error; it has to succeed.
+/// Text on standard error; the command must succeed.
 fn warned(arguments: &[&str]) -> String {
     let output = hydroboom(arguments);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -73,10 +73,10 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     let json = parsed(&[&["check", "--json"], &LIGHT[..]].concat());
     assert_eq!(json["stable"], false);
     assert_eq!(json["warnings"].as_array().unwrap().len(), 2, "{json}");
-    // a motor that is too weak is told by torque, and by nothing else
+    // a motor that is too weak is reported by its torque, and by nothing else
     let text = warned(&["check", "--set", "drive.max_torque_nm=9"]);
     assert!(text.contains("the motor does not lift the load: "), "{text}");
-    // stable, with less margin than counts as tuned
+    // stable, with smaller margins than tuned gains have
     let text = warned(&["check", "--set", "controller.integral_per_s2=30"]);
     assert!(
         text.contains("benchmark: its gains leave too little margin with 307 kg: M_s = "),
@@ -86,12 +86,12 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     let text = warned(&["check", "--set", "payload.x_mm=9000"]);
     assert!(text.contains("beyond the boom: payload.x_mm = 9000, and boom.length_mm = 3600"));
     assert!(!text.contains("soft range"), "{text}");
-    // the paper's crane has none of it
+    // the paper's crane has no warning
     assert_eq!(warned(&["check"]), "");
 }
 
-/// A payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable, and on the ideal plant that `motion` runs without --plant it is not. Each
-/// command tells both, and the row of the table bears a mark.
+/// Payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable. On the ideal plant that
+/// `motion` uses without --plant it is not. Each command reports both, and the row of the table is marked.
 #[test]
 fn commands_that_close_a_loop_through_other_lags_say_so() {
     let far = ["--set", "payload.x_mm=9000"];
@@ -128,7 +128,7 @@ fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
         .collect();
     let there = parsed(&[&offered[..], &["--json"]].concat());
     assert_eq!(there["in_dead_band"], false, "{remark}");
-    // a load that is held is no dead band
+    // a held load is not in the dead band
     assert_eq!(parsed(&["linearise", "--valve", "0", "--json"])["in_dead_band"], false);
 }
 
@@ -146,7 +146,7 @@ fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
     assert!(text.contains("34.5 bar are shut in (oscillation.rod_side_bar)"), "{text}");
 }
 
-/// The virtual crane has ten segments and a base that turns: its last angle is no segment's.
+/// The virtual crane has ten segments and an elastic base: its last angle belongs to the base.
 #[test]
 fn eigen_says_which_angle_is_the_bases() {
     let file = format!("{}/../../cranes/uia-virtual.toml", env!("CARGO_MANIFEST_DIR"));
@@ -183,7 +183,7 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     };
     let pairs = rms("benchmark-closed-loop").into_iter().zip(rms("velocity-feedforward"));
     pairs.for_each(|(tuned, without)| assert!(tuned < 0.5 * without, "{tuned} mm"));
-    // the paper's own crane keeps the paper's gains, whatever plant it is tried on
+    // the paper's crane keeps the paper's gains, whatever the plant is
     let json = parsed(&["motion", "--plant-set", "payload.mass_kg=330", "--json"]);
     assert_eq!(json["benchmark_gains"]["proportional_per_s"], 4.5);
     assert!(json["remark_on_gains"].is_null());
@@ -198,7 +198,7 @@ fn designed_gains_are_written_with_where_they_come_from() {
     let arguments =
         ["design", "--benchmark", "--crane", made, "--payload-kg", "80:150", "--crane-out", tuned];
     said(&arguments);
-    // a new file has gains that were designed for its numbers
+    // a new file has gains designed for its numbers
     let shown = parsed(&["show", "--crane", made, "--json"]);
     let mut keys = shown["keys"].as_array().unwrap().iter();
     let key = keys.find(|key| key["key"] == "controller.proportional_per_s").unwrap();
@@ -209,11 +209,12 @@ fn designed_gains_are_written_with_where_they_come_from() {
     assert_eq!(new["own"]["gains"], new["design"]["gains"]);
     let head = std::fs::read_to_string(made).unwrap();
     assert!(head.starts_with("# provenance \"placeholder\": the number is that of "), "{head}");
-    // where `motion` takes others, `run` says that it does not
+    // `motion` replaces these gains; `run` uses them and says so
     let run = ["run", "--simulated-time", "--crane", made, "--strategy", "benchmark-closed-loop"];
     let warned = warned(&run);
     assert!(warned.contains("not tuned for payloads of 307 to 307 kg (they are placeholders)"));
-    // for all payloads; one that hangs in a comparison allows higher ones, and a rival has those
+    // the file's gains are designed for all payloads; those of the comparison allow higher gains, which the
+    // retuned baseline uses
     let motion = ["motion", "--crane", made, "--json"];
     let of = |motion: &serde_json::Value| motion["benchmark_gains"]["proportional_per_s"].as_f64();
     let compared = parsed(&motion);

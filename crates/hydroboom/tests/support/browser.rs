@@ -1,4 +1,4 @@
-//! Chromium without a screen, steered over its debugging protocol.
+//! Headless Chromium, controlled by its debugging protocol.
 
 use base64::Engine;
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tungstenite::{Message, WebSocket};
 
-/// A browser with one page.
+/// Browser with one page.
 pub struct Browser {
     process: Child,
     socket: WebSocket<TcpStream>,
@@ -19,7 +19,7 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// A browser whose page has a size, is dark or light, and shows an address.
+    /// Browser with a page of given size, dark or light, at an address.
     pub fn open(address: &str, size: (u32, u32), is_dark: bool, is_phone: bool) -> Self {
         let name = format!("hydroboom-browser-{}-{}", std::process::id(), size.0);
         let profile = std::env::temp_dir().join(name);
@@ -50,7 +50,7 @@ impl Browser {
             .map_while(Result::ok)
             .find_map(|l| l.strip_prefix("DevTools listening on ").map(String::from))
             .expect("chromium tells its port");
-        // what else it says has to be read, or it would wait for us one day
+        // further output must be read, or the process would block on a full pipe
         std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
         let host = url.strip_prefix("ws://").unwrap().split('/').next().unwrap().to_string();
         let stream = TcpStream::connect(host).unwrap();
@@ -76,7 +76,7 @@ impl Browser {
         browser
     }
 
-    /// Calls a method of the protocol; what it answers.
+    /// Calls a method of the protocol and returns its result.
     fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.count += 1;
         let mut message = json!({ "id": self.count, "method": method, "params": parameters });
@@ -94,7 +94,7 @@ impl Browser {
         }
     }
 
-    /// The value of an expression on the page.
+    /// Value of an expression on the page.
     pub fn value(&mut self, expression: &str) -> Value {
         let asked = json!({ "expression": expression, "returnByValue": true });
         let answer = self.call("Runtime.evaluate", asked);
@@ -117,7 +117,7 @@ impl Browser {
         text.as_str().unwrap().into()
     }
 
-    /// Clicks in the middle of an element, as a mouse does.
+    /// Clicks in the middle of an element.
     pub fn click(&mut self, id: &str) {
         self.wait_for(&format!("!document.getElementById('{id}').matches(':disabled')"));
         let place = format!(
@@ -151,7 +151,7 @@ impl Browser {
         }
     }
 
-    /// Goes with the Tab key until an element has the focus.
+    /// Presses the Tab key until an element has the focus.
     pub fn tab_to(&mut self, id: &str) {
         for _ in 0..60 {
             self.press("Tab");
@@ -162,7 +162,7 @@ impl Browser {
         panic!("the keyboard does not reach {id}");
     }
 
-    /// A picture of what is seen, or of the whole page.
+    /// Screenshot of the visible part, or of the whole page.
     pub fn screenshot(&mut self, path: &Path, is_whole: bool) {
         let asked = json!({ "format": "png", "captureBeyondViewport": is_whole });
         let picture = self.call("Page.captureScreenshot", asked);

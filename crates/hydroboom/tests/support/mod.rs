@@ -1,4 +1,4 @@
-//! A run with a dashboard, and a browser to look at it with.
+//! Run with a dashboard, and a browser for it.
 
 pub mod browser;
 pub mod run;

@@ -1,4 +1,4 @@
-//! A run with a dashboard.
+//! Run with a dashboard.
 
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
@@ -9,35 +9,35 @@ use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
-/// Longer than this nothing takes.
+/// Longest waiting time of a test.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
 const ARGUMENTS: [&str; 4] = ["run", "--dashboard", "127.0.0.1:0", "--simulated-time"];
 
-/// A process with a dashboard on a port of its own; ended when dropped.
+/// Process with a dashboard on a port of its own, ended when dropped.
 pub struct Run {
     process: Child,
     /// Host and port.
     pub host: String,
-    /// What commands need.
+    /// Token for commands.
     pub token: String,
-    /// What it said on the error output.
+    /// Text on standard error.
     pub said: Arc<Mutex<String>>,
 }
 
 impl Run {
-    /// Starts `hydroboom run --dashboard` in simulated time that keeps pace with the clock: whatever the
-    /// computer is busy with, no deadline is missed.
+    /// Starts `hydroboom run --dashboard` in simulated time at the rate of the clock. No deadline is missed
+    /// on a busy computer.
     pub fn start() -> Self {
         Self::start_with(&[])
     }
 
-    /// The same with more arguments.
+    /// The same with further arguments.
     pub fn start_with(arguments: &[&str]) -> Self {
         Self::from(Command::new(env!("CARGO_BIN_EXE_hydroboom")).args(ARGUMENTS).args(arguments))
     }
 
-    /// The same, with so many file descriptors at most.
+    /// The same with a limited number of file descriptors.
     pub fn start_with_descriptors(most: u32) -> Self {
         let limited = format!("ulimit -n {most} && exec \"$0\" \"$@\"");
         let program = env!("CARGO_BIN_EXE_hydroboom");
@@ -59,17 +59,17 @@ impl Run {
         Self { process, host, token, said }
     }
 
-    /// The address of the page, with the token.
+    /// Address of the page with the token.
     pub fn address(&self) -> String {
         format!("http://{}/#{}", self.host, self.token)
     }
 
-    /// File descriptors that the process has open.
+    /// Number of open file descriptors of the process.
     pub fn descriptors(&self) -> usize {
         std::fs::read_dir(format!("/proc/{}/fd", self.process.id())).unwrap().count()
     }
 
-    /// A viewer with an origin, if it is let in.
+    /// Viewer with an origin header, or the reason of a refusal.
     pub fn viewer_from(&self, origin: Option<&str>) -> Result<Viewer, String> {
         let mut request = format!("ws://{}/live", self.host).into_client_request().unwrap();
         if let Some(origin) = origin {
@@ -84,12 +84,12 @@ impl Run {
         Ok(viewer)
     }
 
-    /// A viewer that is no page.
+    /// Viewer without an origin header.
     pub fn viewer(&self) -> Viewer {
         self.viewer_from(None).unwrap()
     }
 
-    /// What a GET of a path answers: status line and headers, and body.
+    /// Response to a GET request: status line with headers, and body.
     pub fn get(&self, path: &str, headers: &str) -> (String, String) {
         use std::io::{Read, Write};
         let mut stream = TcpStream::connect(&self.host).unwrap();
@@ -110,10 +110,10 @@ impl Drop for Run {
     }
 }
 
-/// A connection as a page has it.
+/// WebSocket connection, as of a page.
 pub struct Viewer {
     pub socket: WebSocket<TcpStream>,
-    /// Number that the program gave it.
+    /// Number assigned by the program.
     pub number: u64,
     token: String,
 }
@@ -131,12 +131,12 @@ impl Viewer {
         self.send(&message.to_string());
     }
 
-    /// Sends any text.
+    /// Sends a text.
     pub fn send(&mut self, text: &str) {
         self.socket.send(Message::text(text)).unwrap();
     }
 
-    /// The next message; none when the connection has ended.
+    /// Next message; none after the end of the connection.
     pub fn next(&mut self) -> Option<Value> {
         loop {
             match self.socket.read() {
@@ -147,7 +147,7 @@ impl Viewer {
         }
     }
 
-    /// Waits for a message, and says meanwhile that it is there.
+    /// Waits for a message, and sends life signs meanwhile.
     pub fn wait_for(&mut self, is_it: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         let mut alive = Instant::now();
