@@ -10,22 +10,22 @@
 use crate::linear::balanced;
 use nalgebra::{Complex, DMatrix, DVector};
 
-/// A system with one input and some outputs.
+/// A system in continuous time, or a sampled one.
 #[derive(Clone, Debug)]
 pub(crate) struct FrequencyResponse {
     /// H.
     hessenberg: DMatrix<f64>,
-    /// B'.
-    input: DVector<f64>,
+    /// B', a column for each input.
+    inputs: DMatrix<f64>,
     /// Rows of C'.
     outputs: Vec<DVector<f64>>,
 }
 
 impl FrequencyResponse {
-    /// Of ẋ = A x + B u with outputs in rows.
+    /// Of ẋ = A x + B u, or x(k+1) = A x(k) + B u(k), with outputs in rows.
     pub fn new(a: &DMatrix<f64>, b: &DMatrix<f64>, outputs: &[Vec<f64>]) -> Self {
         let (balanced, sizes) = balanced(a);
-        let scaled = DVector::from_fn(a.nrows(), |i, _| b[(i, 0)] / sizes[i]);
+        let scaled = DMatrix::from_fn(a.nrows(), b.ncols(), |i, j| b[(i, j)] / sizes[i]);
         let rows = outputs.iter().map(|row| {
             DVector::from_iterator(row.len(), row.iter().zip(&sizes).map(|(c, size)| c * size))
         });
@@ -35,21 +35,24 @@ impl FrequencyResponse {
             _ => balanced.hessenberg().unpack(),
         };
         Self {
-            input: q.tr_mul(&scaled),
+            inputs: q.tr_mul(&scaled),
             outputs: rows.map(|row| q.tr_mul(&row)).collect(),
             hessenberg,
         }
     }
 
-    /// Responses of the outputs to an input that rings and grows as e to the s t, s in \[1/s\]; none where s is a pole.
-    pub fn at(&self, s: Complex<f64>) -> Option<Vec<Complex<f64>>> {
+    /// Outputs for inputs of these amplitudes, one for each column of B, that ring and grow as e to the s t, s in \[1/s\], or of a sampled system as z to the k, s being z;
+    /// none where s is a pole.
+    pub fn at(&self, s: Complex<f64>, amplitudes: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
         let n = self.hessenberg.nrows();
         let zero = Complex::new(0.0, 0.0);
         let mut m: Vec<Complex<f64>> = Vec::with_capacity(n * n);
         for i in 0..n {
             m.extend((0..n).map(|j| if i == j { s } else { zero } - self.hessenberg[(i, j)]));
         }
-        let mut x: Vec<Complex<f64>> = self.input.iter().map(|b| Complex::from(*b)).collect();
+        let driven =
+            |row| amplitudes.iter().enumerate().map(move |(j, u)| u * self.inputs[(row, j)]);
+        let mut x: Vec<Complex<f64>> = (0..n).map(|row| driven(row).sum()).collect();
         // Gauss, with the larger of two rows as pivot: below the diagonal there is one entry in each column
         for k in 0..n.saturating_sub(1) {
             let (upper, lower) = m.split_at_mut((k + 1) * n);
@@ -92,7 +95,9 @@ mod tests {
             let s = Complex::new(s.0, s.1);
             let left = DMatrix::from_diagonal_element(order, order, s) - crane.a.map(Complex::from);
             let x = left.lu().solve(&crane.b.map(Complex::from)).unwrap();
-            for (row, found) in crane.outputs.iter().zip(response.at(s).unwrap()) {
+            for (row, found) in
+                crane.outputs.iter().zip(response.at(s, &[Complex::from(1.0)]).unwrap())
+            {
                 let wanted: Complex<f64> = row.iter().zip(x.iter()).map(|(c, x)| x * *c).sum();
                 // without balance LU decomposition has lost half of the digits near the integrators
                 assert!((found - wanted).norm() < 1e-6 * wanted.norm(), "{s}: {found}, {wanted}");

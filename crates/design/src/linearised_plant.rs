@@ -137,7 +137,7 @@ impl LinearisedPlant {
     ///
     /// [`DesignError::NoMode`] where they are not finite.
     pub(crate) fn responses_at(&self, s: Complex<f64>) -> Result<Responses, DesignError> {
-        let all = self.response.at(s);
+        let all = self.response.at(s, &[Complex::from(1.0)]);
         let Some(&[position, _, pressure]) = all.as_deref() else {
             return Err(self.none("its responses are not finite"));
         };

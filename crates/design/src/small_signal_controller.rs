@@ -8,6 +8,7 @@
 //! ```
 
 use crate::DesignError;
+use crate::frequency_response::FrequencyResponse;
 use crate::linear::eigenvalues;
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
 use hydroboom_control::estimation::reduced_model::{MachineState, STATES};
@@ -24,16 +25,16 @@ const READING_SIZES: [f64; READINGS] = [1e-4, 1e4, 1.0];
 const STATE_SIZES: [f64; STATES] = [1e-4, 1e-3, 1e4, 1e4, 1e4, 0.1, 1.0, 1e5];
 /// Small against what the controller limits.
 const SMALL: f64 = 1e-3;
-/// Periods in which the covariance settles.
-const SETTLING: usize = 6000;
+/// Periods in which the covariance settles, 1 s: margins and growing poles are those after 0.5 s and after 12 s.
+const SETTLING: usize = 1000;
 
 /// The linearised controller.
 #[derive(Clone, Debug)]
 pub struct SmallSignalController {
     a: DMatrix<f64>,
-    b: DMatrix<f64>,
-    c: DMatrix<f64>,
-    d: DMatrix<f64>,
+    /// Of `C (z − A)⁻¹ B`.
+    response: FrequencyResponse,
+    d: [f64; READINGS],
     period: f64,
 }
 
@@ -72,7 +73,7 @@ impl SmallSignalController {
         let order = STATES + 1 + kept;
         let size = |i: usize| if i < STATES { STATE_SIZES[i] } else { 1.0 };
         let (mut a, mut b) = (DMatrix::zeros(order, order), DMatrix::zeros(order, READINGS));
-        let (mut c, mut d) = (DMatrix::zeros(1, order), DMatrix::zeros(1, READINGS));
+        let (mut c, mut d) = (vec![0.0; order], [0.0; READINGS]);
         for j in 0..order + READINGS {
             let (mut change, mut reading) = (DVector::zeros(order), [0.0; READINGS]);
             match j.checked_sub(order) {
@@ -88,15 +89,15 @@ impl SmallSignalController {
             match j.checked_sub(order) {
                 None => {
                     a.set_column(j, &column);
-                    c[(0, j)] = command;
+                    c[j] = command;
                 }
                 Some(k) => {
                     b.set_column(k, &(column / READING_SIZES[k]));
-                    d[(0, k)] = command / READING_SIZES[k];
+                    d[k] = command / READING_SIZES[k];
                 }
             }
         }
-        Self { a, b, c, d, period: law.period }
+        Self { response: FrequencyResponse::new(&a, &b, &[c]), a, d, period: law.period }
     }
 
     /// Control period \[s\].
@@ -116,22 +117,17 @@ impl SmallSignalController {
         Ok(u32::try_from(growing).unwrap_or(u32::MAX))
     }
 
-    /// Commanded motor speed \[rev/s\] for readings that oscillate and grow as e to the s t, s in \[1/s\].
+    /// Commanded motor speed \[rev/s\] for readings that oscillate and grow as e to the s t, s in \[1/s\]; NaN where that is a pole.
     pub fn frequency_response(
         &self,
         readings: [Complex<f64>; READINGS],
         s: Complex<f64>,
     ) -> Complex<f64> {
-        let complex = |m: &DMatrix<f64>| m.map(|v| Complex::new(v, 0.0));
-        let z = (s * self.period).exp();
-        let order = self.a.nrows();
-        let left = DMatrix::from_diagonal_element(order, order, z) - complex(&self.a);
-        let readings = DVector::from_column_slice(&readings);
-        let driven = complex(&self.b) * &readings;
-        let none = Complex::new(f64::NAN, f64::NAN);
-        left.lu()
-            .solve(&driven)
-            .map_or(none, |x| (complex(&self.c) * x + complex(&self.d) * readings)[0])
+        let direct: Complex<f64> = readings.iter().zip(self.d).map(|(y, d)| y * d).sum();
+        match self.response.at((s * self.period).exp(), &readings).as_deref() {
+            Some([command]) => command + direct,
+            _ => Complex::new(f64::NAN, f64::NAN),
+        }
     }
 }
 
