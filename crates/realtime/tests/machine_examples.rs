@@ -51,7 +51,7 @@ fn crates() -> PathBuf {
 fn in_c() -> Command {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     let program = PROGRAM.get_or_init(|| {
-        let program = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("machine");
+        let program = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("machine_example");
         let mut cc = Command::new("cc");
         cc.args(["-std=gnu99", "-O1", "-Wall", "-Wextra", "-Werror"]);
         for include in ["machine_interface/include", "c_interface/include"] {
