@@ -139,7 +139,7 @@ fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_i
             .spawn()
             .unwrap();
         let children = format!("/proc/{0}/task/{0}/children", run.id());
-        let machine = (0..200).find_map(|_| {
+        let machine = (0..3000).find_map(|_| {
             std::thread::sleep(std::time::Duration::from_millis(20));
             let children = std::fs::read_to_string(&children).ok()?;
             children.split_whitespace().next().map(str::to_string)
