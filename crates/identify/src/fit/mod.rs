@@ -165,19 +165,14 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Delays and offsets that belong to the machine's sensors, and so to another log of it: those whose intervals leave zero out, as the mean of the logs
-    /// that were tuned to, in their units.
+    /// Delays and offsets of the machine's sensors, which belong to another log of it too, in their units: the mean of the logs that were tuned to, each weighed by
+    /// its inverse variance (Cochran, Biometrics 10, 1954, 101-129).
+    ///
+    /// They are what the keys were found with, and drawn to zero as far as the logs do not tell them. To leave out those that are not significantly other than zero
+    /// would keep keys that were traded against them, and jump with their intervals (a pre-test estimator: Judge and Bock, The Statistical Implications of Pre-Test
+    /// and Stein-Rule Estimators in Econometrics, 1978).
     pub fn sensors(&self) -> Vec<(Nuisance, f64)> {
-        let mut found: Vec<(Nuisance, f64)> = Vec::new();
-        for channel in self.channels.iter().filter(|channel| channel.is_off()) {
-            if found.iter().any(|(nuisance, _)| *nuisance == channel.nuisance) {
-                continue;
-            }
-            let of = self.channels.iter().filter(|other| other.nuisance == channel.nuisance);
-            let values: Vec<f64> = of.map(|other| other.value).collect();
-            found.push((channel.nuisance, values.iter().sum::<f64>() / values.len() as f64));
-        }
-        found
+        nuisance::means(&self.channels)
     }
 
     /// What the tuned model shows on a log that was not used, through the same machine's [`sensors`](Self::sensors).

@@ -4,6 +4,7 @@
 //! problem it moves the crane's keys; as a parameter of the same problem it takes its share, and its correlation with the keys
 //! widens their intervals (Ljung, *System Identification*, 2nd ed. 1999, section 14.1; Seber and Wild, *Nonlinear Regression*, 1989, section 5.9).
 
+use super::Channel;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, CRANE};
 use crate::prediction::Prediction;
@@ -116,6 +117,24 @@ impl Nuisance {
     }
 }
 
+/// Delays and offsets of channels, each the mean over its logs, weighed by inverse variances; zero where nothing is known of it.
+pub(super) fn means(channels: &[Channel]) -> Vec<(Nuisance, f64)> {
+    let mut found: Vec<(Nuisance, f64)> = Vec::new();
+    for channel in channels {
+        if found.iter().any(|(nuisance, _)| *nuisance == channel.nuisance) {
+            continue;
+        }
+        let of = channels.iter().filter(|other| other.nuisance == channel.nuisance);
+        let (sum, weight) = of.fold((0.0, 0.0), |(sum, weight), c| {
+            let share = c.deviation.powi(-2);
+            (sum + share * c.value, weight + share)
+        });
+        let is_known = weight > 0.0 && weight.is_finite();
+        found.push((channel.nuisance, if is_known { sum / weight } else { 0.0 }));
+    }
+    found
+}
+
 /// What a signal shows that comes late \[s\], from its samples an interval apart \[s\]; with its slope along the delay.
 ///
 /// Between samples a cubic goes through both with slopes by central differences (Catmull and Rom, 1974), which is smooth, so the slope along
@@ -199,6 +218,26 @@ mod tests {
                 assert!((slope[k] - by_difference).abs() < 1e-5, "{} {by_difference}", slope[k]);
             }
         }
+    }
+
+    /// What is not significantly other than zero goes along as it was found, and of two logs the one that tells more counts more.
+    #[test]
+    fn sensors_are_means_over_logs_by_how_well_each_tells_them() {
+        let channel = |name: &str, value: f64, deviation: f64| Channel {
+            log: "log".into(),
+            nuisance: Nuisance::named(name).unwrap()[0],
+            value,
+            deviation,
+            partner: None,
+        };
+        let (pressure, stroke) = ("pressure_a.offset", "stroke.delay");
+        let found = means(&[
+            channel(pressure, -1.0, 1.0),
+            channel(stroke, 3.0, f64::INFINITY),
+            channel(pressure, 1.0, 0.5),
+        ]);
+        let of = |name| Nuisance::named(name).unwrap()[0];
+        assert_eq!(found, [(of(pressure), 0.6), (of(stroke), 0.0)]);
     }
 
     #[test]
