@@ -121,14 +121,20 @@ pub(crate) fn identified(
     Ok(Identification { model: told_to_estimator(&machine), judged, improbable, remarks })
 }
 
-/// Reason why the identified keys together contradict the prior; none if they agree. Their squared
+/// Reason why the keys that the log determines together contradict the prior; none if they agree. Their squared
 /// deviations in standard deviations sum to χ² with as many degrees of freedom.
+///
+/// An estimate is drawn towards the prior: it varies about it by the prior's variance less the posterior one (G. Box,
+/// Sampling and Bayes' inference in scientific modelling and robustness, J. R. Stat. Soc. A 143, 1980, 383-430). The
+/// log determines a key where its own information exceeds the prior's.
 fn improbable(tuned: &[Tuned]) -> Option<String> {
-    let distance = |t: &Tuned| (t.value.1 / t.value.0).ln().abs() / t.prior;
-    let mut far: Vec<(String, f64)> = tuned
-        .iter()
-        .filter(|t| !t.key.is_of_drive())
-        .map(|t| (t.key.path(), distance(t)))
+    let of_crane = tuned.iter().filter(|t| !t.key.is_of_drive() && t.from_logs < t.prior);
+    let mut far: Vec<(String, f64)> = of_crane
+        .filter_map(|t| {
+            let moves = t.prior * t.prior - t.deviation * t.deviation;
+            let distance = (t.value.1 / t.value.0).ln().abs() / moves.sqrt();
+            (moves > 0.0).then(|| (t.key.path(), distance))
+        })
         .collect();
     let square: f64 = far.iter().map(|(_, d)| d * d).sum();
     let chance = 1.0 - ChiSquared::new(far.len() as f64).ok()?.cdf(square);
@@ -140,7 +146,7 @@ fn improbable(tuned: &[Tuned]) -> Option<String> {
         .collect();
     (chance < IMPROBABLE).then(|| {
         format!(
-            "the {} keys are found farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
+            "the {} keys that the log determines are farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
             far.len(),
             named.join(", ")
         )
@@ -213,7 +219,38 @@ mod tests {
     use crate::closed_loop::monte_carlo::member;
     use crate::closed_loop::scenario::CourseChoice;
     use hydroboom_control::command::AxisCommand;
+    use hydroboom_identify::Determination;
     use std::f64::consts::TAU;
+
+    /// Keys with a prior standard deviation of 0.3, with the given distances from the prior and posterior standard
+    /// deviations.
+    fn keys(distances: &[(f64, f64)]) -> Vec<Tuned> {
+        let key = |(path, (distance, left)): (&&str, &(f64, f64))| Tuned {
+            key: Free::from_path(path).unwrap(),
+            value: (1.0, distance.exp()),
+            prior: 0.3,
+            deviation: *left,
+            from_logs: (left.powi(-2) - 0.3_f64.powi(-2)).max(1e-6).powf(-0.5),
+            others_exact: *left,
+            determination: Determination::Determined,
+            partner: None,
+        };
+        IDENTIFIED.iter().zip(distances).map(key).collect()
+    }
+
+    /// A log as informative as the prior moves an estimate half of the way: three such keys of a crane 3.6 standard
+    /// deviations away contradict the prior, as one well determined key does.
+    #[test]
+    fn estimates_that_are_drawn_towards_what_was_known_are_held_against_how_they_vary() {
+        let half = 0.5_f64.sqrt() * 0.29;
+        assert!(improbable(&keys(&[(0.3 * 3.6, 0.001)])).is_some());
+        assert!(improbable(&keys(&[(0.15 * 3.6, half); 3])).is_some());
+        // a key without information in the log adds no degree of freedom; small deviations are no contradiction
+        let said = improbable(&keys(&[(0.3 * 3.6, 0.001), (0.0, 0.3), (0.0, 0.3), (0.0, 0.3)]));
+        assert!(said.unwrap().starts_with("the 1 keys"));
+        assert_eq!(improbable(&keys(&[(0.3, 0.001), (-0.2, half), (0.25, half)])), None);
+        assert_eq!(improbable(&keys(&[(0.0, 0.3)])), None);
+    }
 
     /// Dead time, bandwidth and damping of a virtual crane's drive are identified from two seconds of
     /// commands. The drive runs in steps of 0.25 ms, under load and behind a fieldbus. As with measurement
