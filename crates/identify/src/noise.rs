@@ -8,6 +8,11 @@
 //! They are scaled to keep the variance of white noise (Gasser, Sroka and Jennen-Steinmetz, Residual
 //! variance and residual pattern in nonlinear regression, Biometrika 73, 1986, 625-633). The median of
 //! their magnitudes makes the estimate robust to kinks and outliers.
+//!
+//! Where samples repeat, a channel shows the steps of its converter. A reading in steps of `q` has a
+//! quantisation noise of `q/√12` (Bennett, Spectra of quantized signals, Bell Syst. Tech. J. 27, 1948,
+//! 446-472), also where the steps are so coarse that most third differences are zero: the noise is no less.
+//! `q` is the smallest difference between distinct values.
 
 use hydroboom_measurement::Track;
 
@@ -18,8 +23,12 @@ const GAP: f64 = 2.5;
 /// Median of the magnitude of a standard normal variable.
 const MEDIAN: f64 = 0.674_489_75;
 
-/// Standard deviation of a signal's noise in its unit, from its samples in a time range \[s\]; zero for
-/// fewer than four samples.
+/// Mean number of occurrences of a value from which a channel shows its resolution: a smooth signal has no
+/// value twice.
+const REPEATS: usize = 2;
+
+/// Standard deviation of a signal's noise in its unit, from its samples in a time range \[s\], at least that
+/// of the channel's resolution; zero for fewer than four samples.
 ///
 /// Noise that the sensor's own filter smooths over several samples is not distinguished from the signal.
 pub(crate) fn noise(track: &Track, from: f64, to: f64) -> f64 {
@@ -38,7 +47,20 @@ pub(crate) fn noise(track: &Track, from: f64, to: f64) -> f64 {
         return 0.0;
     }
     let middle = sizes.len() / 2;
-    *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
+    let scatter = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN;
+    scatter.max(resolution(values) / f64::sqrt(12.0))
+}
+
+/// Smallest difference between distinct values; zero where values hardly repeat, and where there is but one.
+fn resolution(values: &[f64]) -> f64 {
+    let mut distinct = values.to_vec();
+    distinct.sort_unstable_by(f64::total_cmp);
+    distinct.dedup();
+    if values.len() < REPEATS * distinct.len() {
+        return 0.0;
+    }
+    let steps = distinct.windows(2).map(|pair| pair[1] - pair[0]);
+    steps.reduce(f64::min).unwrap_or(0.0)
 }
 
 /// Divided difference of some samples, scaled to the variance of one of them.
@@ -96,5 +118,22 @@ mod tests {
         values[50] += 1e3;
         assert!(noise(&Track::new(&time, &values), 0.0, 10.0) < 1e-12);
         assert_eq!(noise(&Track::new(&time, &values), 20.0, 30.0), 0.0);
+    }
+    /// A slow course in steps of a converter, of which most third differences are zero; its error against the course is known.
+    #[test]
+    fn a_coarse_converter_has_the_noise_of_its_steps() {
+        let step = 0.25;
+        let time: Vec<f64> = (0..4000).map(|k| 5e-3 * f64::from(k)).collect();
+        let course = |t: &f64| 40.0 + 1.7 * t + 3.0 * t.sin();
+        let values: Vec<f64> = time.iter().map(|t| step * (course(t) / step).round()).collect();
+        let square = time.iter().zip(&values).map(|(t, v)| (v - course(t)).powi(2)).sum::<f64>();
+        let error = (square / time.len() as f64).sqrt();
+        let found = noise(&Track::new(&time, &values), 0.0, 20.0);
+        assert!((found / error - 1.0).abs() < 0.05, "{found} for {error}");
+        // the same course with all its digits has none
+        let values: Vec<f64> = time.iter().map(course).collect();
+        assert!(noise(&Track::new(&time, &values), 0.0, 20.0) < 1e-3 * error);
+        // and a sensor at rest has no resolution that shows
+        assert!(noise(&Track::new(&time, &vec![40.0; time.len()]), 0.0, 20.0) < 1e-12);
     }
 }
