@@ -2,12 +2,13 @@
 //!
 //! A key is determined where all of this holds, looked at in this order; the first that does not is the reason:
 //!
-//! 1. it is not biased: no lack of fit, or no structural limit that is known of the key;
-//! 2. it is not at the end of what a crane file allows, and no channel's delay or offset is at the end of what is allowed of it: what the sum would gain beyond
+//! 1. the search converged: where it ended by a limit of its rounds, nothing is said of the key;
+//! 2. it is not biased: no lack of fit, or no structural limit that is known of the key;
+//! 3. it is not at the end of what a crane file allows, and no channel's delay or offset is at the end of what is allowed of it: what the sum would gain beyond
 //!    is in the other keys;
-//! 3. the tuned model is right for position and pressures of every log, by the [limits](crate::LIMITS) of the verdict;
-//! 4. the logs alone say more of it than was known: provenance, and range where there is one;
-//! 5. its 95 % interval reaches no further than from 3/4 to 4/3 of its value.
+//! 4. the tuned model is right for position and pressures of every log, by the [limits](crate::LIMITS) of the verdict;
+//! 5. the logs alone say more of it than was known: provenance, and range where there is one;
+//! 6. its 95 % interval reaches no further than from 3/4 to 4/3 of its value.
 //!
 //! Frequency and damping do not count: they are of the boom's ringing, and the keys that move those have a structural limit each.
 
@@ -23,6 +24,8 @@ use crate::verdict::{Aspect, Judgement, verdict};
 pub enum Determination {
     /// They do.
     Determined,
+    /// The search ended before its optimum.
+    NotConverged,
     /// The logs show that the model is not the true one, and what it leaves out, which is said here, is found in the key.
     Biased(&'static str),
     /// It ended at a value that a crane file does not allow to pass.
@@ -42,6 +45,9 @@ impl Determination {
     pub fn reason(self) -> Option<String> {
         Some(match self {
             Self::Determined => return None,
+            Self::NotConverged => {
+                "the search has not converged: tune again from the file that is written".into()
+            }
             Self::Biased(reason) => reason.into(),
             Self::AtLimit => "it ends at a limit of what a crane file allows".into(),
             Self::ChannelAtLimit(nuisance) => {
@@ -83,6 +89,8 @@ pub(super) fn is_at_limit(value: f64, [low, high]: [f64; 2]) -> bool {
 
 /// What all keys of a search have in common.
 pub(super) struct Common {
+    /// Whether the search converged.
+    has_converged: bool,
     /// An aspect in which the tuned model is not right.
     wrong: Option<Aspect>,
     /// A delay or offset at its limit.
@@ -95,12 +103,14 @@ impl Common {
         experiments: &[Experiment],
         after: &[Prediction],
         channels: &[Channel],
+        has_converged: bool,
     ) -> Self {
         let judged = experiments.iter().zip(after).flat_map(|(e, p)| verdict(&differences(e, p)));
         let counts = |j: &Judgement| {
             matches!(j.aspect, Aspect::Position | Aspect::Pressures) && !j.is_right()
         };
         Self {
+            has_converged,
             wrong: { judged }.find(counts).map(|j| j.aspect),
             at_limit: channels.iter().find(|c| c.is_at_limit()).map(|c| c.nuisance),
         }
@@ -112,7 +122,9 @@ impl Common {
         // bounds span decades: near is meant of the value
         let is_at_end = t.value.1 <= low * (1.0 + AT_LIMIT) || t.value.1 >= high * (1.0 - AT_LIMIT);
         let (from, to) = t.interval();
-        if let Some(reason) = biased {
+        if !self.has_converged {
+            Determination::NotConverged
+        } else if let Some(reason) = biased {
             Determination::Biased(reason)
         } else if is_at_end {
             Determination::AtLimit
@@ -153,7 +165,7 @@ mod tests {
         }
     }
 
-    const NOTHING: Common = Common { wrong: None, at_limit: None };
+    const NOTHING: Common = Common { has_converged: true, wrong: None, at_limit: None };
 
     #[test]
     fn a_key_is_determined_where_the_interval_is_narrow_and_the_model_right() {
@@ -169,6 +181,10 @@ mod tests {
         assert!(found.reason().unwrap().contains("pressures"));
         let biased = wrong.of(&payload(0.05), Some("play"));
         assert_eq!(biased, Determination::Biased("play"));
+        // where the search ended early, nothing is said of the key
+        let early = Common { has_converged: false, ..wrong };
+        assert_eq!(early.of(&payload(0.05), Some("play")), Determination::NotConverged);
+        assert_eq!(early.of(&payload(0.05), None), Determination::NotConverged);
         let mut at_end = payload(0.05);
         at_end.value.1 = at_end.key.bounds().1;
         assert_eq!(NOTHING.of(&at_end, None), Determination::AtLimit);
@@ -187,7 +203,7 @@ mod tests {
         assert_eq!(nuisance.signal, Signal::PressureA);
         assert!(channel(5.0).is_at_limit() && channel(-5.0).is_at_limit());
         assert!(!channel(4.5).is_at_limit() && !channel(0.0).is_at_limit());
-        let found = Common::new(&[], &[], &[channel(0.3), channel(-5.0)]);
+        let found = Common::new(&[], &[], &[channel(0.3), channel(-5.0)], true);
         assert_eq!(found.of(&payload(0.05), None), Determination::ChannelAtLimit(nuisance));
     }
 }

@@ -3,7 +3,8 @@
 //! What is minimised is `Σ ((log − model)/σ)² + Σ ((ln θ − ln θ_0)/s)²`: differences of all signals of all logs, each
 //! against what its sensor and the model's own shortcomings leave (σ), and each key against what is known of it (s, from its
 //! provenance). Where each log starts from is free too, within what sensors err by: a pump side that starts a tenth of
-//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first round leaves.
+//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew
+//! once from what the first round leaves.
 
 mod certainty;
 mod determination;
@@ -311,8 +312,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     }
     // the second with what the first left as deviations
     let there = layout.predictions(at.as_slice())?;
-    held_against = deviations(task.experiments, &there, Leaves::AsNow);
-    let sum = Samples::new(layout.experiments, &held_against);
+    let left = deviations(task.experiments, &there, Leaves::AsNow);
+    let sum = Samples::new(layout.experiments, &left);
     let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
     at = found.at;
     let mut kept = found.sum.kept.into_inner();
@@ -327,9 +328,19 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
     let evaluations = watch.borrow().runs();
     let channels = channels(&layout, at.as_slice(), &certainty);
+    let mut pairs = task.experiments.iter().zip(&after);
+    let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
     Ok(Fit {
         description: layout.moved(at.as_slice()),
-        tuned: tuned(&layout, &known, at.as_slice(), &certainty, &held, &after, &channels),
+        tuned: tuned(
+            &layout,
+            &known,
+            at.as_slice(),
+            &certainty,
+            &held,
+            &Common::new(task.experiments, &after, &channels, has_converged),
+            shows_more,
+        ),
         channels,
         correlation: certainty.correlation(task.free.len()),
         channel_correlation: with_channels(&layout, &certainty),
@@ -361,12 +372,9 @@ fn tuned(
     at: &[f64],
     certainty: &Certainty,
     considered: &Considered,
-    after: &[Prediction],
-    channels: &[Channel],
+    common: &Common,
+    shows_more: bool,
 ) -> Vec<Tuned> {
-    let mut pairs = layout.experiments.iter().zip(after);
-    let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
-    let common = Common::new(layout.experiments, after, channels);
     let nuisances = (0..layout.experiments.len()).flat_map(|log| layout.nuisances(log));
     let keys = layout.free.iter().map(|key| key.path()).enumerate();
     let held = considered.keys.iter().enumerate();
