@@ -6,7 +6,7 @@ mod made;
 
 use hydroboom_description::Description;
 use hydroboom_identify::{Determination, Fit, Free, Nuisance, Task, fit, profile};
-use made::{log_of, with};
+use made::{brief, log_of, with};
 
 /// Free keys.
 const KEYS: [&str; 5] = [
@@ -18,7 +18,7 @@ const KEYS: [&str; 5] = [
 ];
 
 fn tuned(model: &Description, truth: &Description, seed: u64) -> Fit {
-    let experiment = log_of(truth, 1.0, seed);
+    let experiment = log_of(&brief(truth), 1.0, seed);
     let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
     let task = Task {
         model,
@@ -71,7 +71,7 @@ fn a_model_that_is_wrong_finds_back_to_the_truth() {
 #[test]
 fn a_search_turns_back_from_a_crane_that_cannot_be() {
     let truth = Description::uia_single_boom().unwrap();
-    let mut experiment = log_of(&truth, 1.0, 11);
+    let mut experiment = log_of(&brief(&truth), 1.0, 11);
     // a threefold position forces the geometry to where cylinder and boom do not meet
     for sample in &mut experiment.samples {
         sample.values = sample.values.map(|v| v.map(|v| 3.0 * v));
@@ -97,7 +97,7 @@ fn a_search_turns_back_from_a_crane_that_cannot_be() {
 #[test]
 fn what_a_log_cannot_tell_is_said() {
     let truth = Description::uia_single_boom().unwrap();
-    let experiment = log_of(&truth, 1.0, 3);
+    let experiment = log_of(&brief(&truth), 1.0, 3);
     // an accumulator at rest, and a friction that changes within 1 mm/s
     let free = ["pump.flow_gain", "friction.steepness_s_per_m", "boom.damping_ratio"];
     let free: Vec<Free> = free.iter().map(|path| Free::from_path(path).unwrap()).collect();
@@ -123,7 +123,7 @@ fn what_a_log_cannot_tell_is_said() {
 fn a_profile_is_the_parabola_of_the_interval_where_the_log_tells_much_and_open_where_it_tells_nothing()
  {
     let truth = Description::uia_single_boom().unwrap();
-    let experiment = log_of(&truth, 1.0, 21);
+    let experiment = log_of(&brief(&truth), 1.0, 21);
     let paths =
         ["pump.flow_gain", "payload.mass_kg", "friction.viscous_ns_per_m", "boom.damping_ratio"];
     let free: Vec<Free> = paths.iter().map(|path| Free::from_path(path).unwrap()).collect();

@@ -8,7 +8,7 @@ use hydroboom_identify::{
     Aspect, Experiment, Free, Window, complaints, differences, predict, remedies, sensitivities,
 };
 use hydroboom_measurement::Signal;
-use made::{clean, commanded, log_at, log_of, sampled, scatter, with};
+use made::{brief, clean, commanded, log_at, log_of, sampled, scatter, with};
 
 #[test]
 fn a_log_made_by_the_model_is_predicted_to_its_rounding() {
@@ -40,7 +40,7 @@ fn a_log_made_by_the_model_is_not_late() {
 #[test]
 fn slopes_are_those_of_finite_differences() {
     let model = Description::uia_single_boom().unwrap();
-    let experiment = log_of(&model, 0.0, 1);
+    let experiment = log_of(&brief(&model), 0.0, 1);
     let free = Free::usual(&model);
     let (values, slopes) = sensitivities(&model, &experiment, &free).unwrap();
     let plain = predict(&model, &experiment).unwrap();

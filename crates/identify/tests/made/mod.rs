@@ -22,6 +22,14 @@ pub fn with(model: &Description, path: &str, factor: f64) -> Description {
     changed
 }
 
+/// The same description with half the stroke of its motion and short rests: 7 s at the fast speed for 18.
+pub fn brief(model: &Description) -> Description {
+    let mut brief = model.clone();
+    let n = &mut brief.numbers;
+    (n.motion_end, n.dwell, n.rest) = (0.5 * (n.motion_start + n.motion_end), 1.0, 0.5);
+    brief
+}
+
 /// Log of the model under velocity feedforward at its fast speed, with sensor noise of a share of the real
 /// one.
 pub fn log_of(model: &Description, noise: f64, seed: u64) -> Experiment {
