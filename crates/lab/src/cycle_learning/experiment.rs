@@ -98,7 +98,8 @@ pub struct CycleReport {
     /// Identified parameters as overrides of the model's crane file.
     pub identified: Vec<String>,
     /// Proposed commands, one per control period, by feedforward from a log's model. None if the machine
-    /// does not come from a log, or learning would not converge.
+    /// does not come from a log, if learning would not converge or diverged, or if the nominal model's
+    /// feedforward has the smaller error.
     #[serde(skip)]
     pub proposal: Option<Vec<AxisCommand<f64>>>,
     /// Remarks on the results.
@@ -266,9 +267,11 @@ impl CycleReport {
         self.remarks.extend(saturations(&identified, &asked, record.period));
         let fitted = unless_stopped(from_rest(&identified, stroke))?;
         self.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
+        let mut is_usable = true;
         if let (Ok(nominal), Ok((_, fitted))) = (&nominal, &fitted)
             && rms(&fitted.measured) > rms(&nominal.measured)
         {
+            is_usable = false;
             self.remarks.push(format!(
                 "what was identified is not to be used: feedforward from it errs by {:.2} mm RMS as measured, from the nominal model by {:.2} mm",
                 1e3 * rms(&fitted.measured),
@@ -282,10 +285,13 @@ impl CycleReport {
             Ok((convergence, law)) => {
                 if convergence.is_contraction() {
                     for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
-                        self.learn((&law, &identified), &record, course, start, stages)?;
+                        let from_rest = matches!(start, Start::Rest(_));
+                        let diverged =
+                            self.learn((&law, &identified), &record, course, start, stages)?;
+                        is_usable &= !(from_rest && diverged);
                     }
                     let commands = fitted.ok().map(|(commands, _)| commands);
-                    self.proposal = commands.filter(|_| subject.identified.is_some());
+                    self.proposal = commands.filter(|_| is_usable && subject.identified.is_some());
                 } else {
                     self.remarks.push(format!(
                         "learning is not applied: the correction need not converge at {} (its contraction is {:.2}; below 1 is needed)",
@@ -332,7 +338,7 @@ impl CycleReport {
         });
     }
 
-    /// Iterative learning control, starting with the closed-loop cycle.
+    /// Iterative learning control, starting with the closed-loop cycle; whether it diverged.
     fn learn(
         &mut self,
         (law, model): (&IterativeLearning, &Description),
@@ -340,7 +346,7 @@ impl CycleReport {
         course: &dyn Course,
         mut start: Start<'_>,
         stages: &Stages<'_>,
-    ) -> Result<(), LabError> {
+    ) -> Result<bool, LabError> {
         let reset = matches!(start, Start::Rest(_));
         let mut correction = law.learn(&law.no_correction(), &first.readings, course);
         let mut after_one = f64::INFINITY;
@@ -355,7 +361,7 @@ impl CycleReport {
                 Ok(found) => found,
                 Err(error) => {
                     self.remarks.push(format!("cycle {cycle} of learning ended early: {error}"));
-                    return Ok(());
+                    return Ok(false);
                 }
             };
             if SHOWN_CYCLES.contains(&cycle) || cycle == last {
@@ -370,11 +376,11 @@ impl CycleReport {
                     1e3 * measured,
                     1e3 * after_one
                 ));
-                return Ok(());
+                return Ok(true);
             }
             correction = law.learn(&correction, &record.readings, course);
         }
-        Ok(())
+        Ok(false)
     }
 }
 
