@@ -175,6 +175,10 @@ fn told(
         vec![c.name.into(), output::short(c.value), c.unit.into(), c.source.clone()]
     };
     let conditions: Vec<Vec<String>> = bounds.conditions.iter().map(condition).collect();
+    let of_loads = match bounds.load_changes {
+        0 => "",
+        _ => "; load changes are linearised about the new load: where oil stiffens with pressure, an estimate for small changes only, too high or too low for others",
+    };
     let missing = Strategy::ALL.len() - strategies.len();
     let interrupted = match missing {
         0 => String::new(),
@@ -185,7 +189,7 @@ fn told(
          [1] for the crane linearised along the reference, model and reference known; duality gap {} %\n\
          [2] for any linear causal controller, if disturbances drift as below: that they do is an estimate\n\
          [3] no position feedback, the motor's limits not counted; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\
-         [4] reference and load changes not known ahead: the piston is on its reference whenever one changes, and what follows is known until the next\n\n\
+         [4] reference and load changes not known ahead: the piston is on its reference whenever one changes, and what follows is known until the next{of_loads}\n\n\
          Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
          Conditions\n{}",
         choice.name(),

@@ -85,6 +85,9 @@ pub struct PerformanceBounds {
     /// and learns of each change when it occurs. Commands are delayed by fieldbus and drive. No smaller
     /// than the bound with preview.
     pub not_known_ahead_mm: f64,
+    /// Load changes along the course. `not_known_ahead_mm` linearises each about its new load, which holds for
+    /// small ones.
+    pub load_changes: usize,
     /// Largest possible gap below `motor_mm`, as a share of it: another motion of the linearised model
     /// might be better by that much. Zero if `motor_mm` is below 1e-6 mm.
     pub motor_gap_percent: f64,
@@ -188,6 +191,7 @@ pub fn performance_bounds(
         information_mm,
         all_mm: by_both.rms_mm.hypot(information_mm),
         not_known_ahead_mm: unforeseen.rms_mm.max(by_both.rms_mm).hypot(information_mm),
+        load_changes: course.loads().len(),
         motor_gap_percent: match by_both.rms_mm > NONE {
             true => 100.0 * (1.0 - by_both.least_mm / by_both.rms_mm),
             false => 0.0,

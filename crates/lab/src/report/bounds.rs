@@ -63,7 +63,7 @@ pub fn bounds_page(
         }
         (figure(
             "Least possible tracking error with one limit alone and with all of them (bars), estimates (outlines), \
-             and the strategies in closed loop (dots). The dashed line is the bound with all limits; nobody is left of it.",
+             and the strategies in closed loop (dots). The dashed line is the bound with all limits.",
             &drawing(bounds, strategies)?
         ))
         (meaning(bounds))
@@ -92,8 +92,11 @@ fn meaning(bounds: &PerformanceBounds) -> Markup {
             li { "Feedforward alone: an estimate. Motor speeds are those of the payload as it is estimated on the way, and no position is fed back. The
                   payload's standard deviation is " (digits(bounds.payload_deviation_kg[0])) " kg before, " (digits(bounds.payload_deviation_kg[1]))
                  " kg when the motion begins and " (digits(bounds.payload_deviation_kg[2])) " kg at its end." }
-            li { "Not known ahead: an estimate. Whenever the reference changes its acceleration, or the load is changed, the piston is on the reference and nobody knew.
-                  From when a command can act on it all is known up to the next change. The strategies below know the reference ahead." }
+            li { "Not known ahead: an estimate. Whenever the reference changes its acceleration, or the load is changed, the piston is on the reference and the controller
+                  does not know of it before. From when a command can act on it all is known up to the next change. The strategies below know the reference ahead." }
+            @if bounds.load_changes > 0 {
+                li { "Load changes are linearised about the new load. Where oil stiffens with pressure that holds for small changes only; for others the estimate may be too high or too low." }
+            }
         }
     }
 }
