@@ -177,7 +177,9 @@ fn told(
     let conditions: Vec<Vec<String>> = bounds.conditions.iter().map(condition).collect();
     let of_loads = match bounds.load_changes {
         0 => "",
-        _ => "; load changes are linearised about the new load: where oil stiffens with pressure, an estimate for small changes only, too high or too low for others",
+        _ => {
+            "; load changes are linearised about the new load: where oil stiffens with pressure, an estimate for small changes only, too high or too low for others"
+        }
     };
     let missing = Strategy::ALL.len() - strategies.len();
     let interrupted = match missing {

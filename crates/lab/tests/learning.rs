@@ -3,11 +3,15 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_description::Description;
+use hydroboom_identify::Window;
+use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::member;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::cycle_learning::experiment::{
     CycleReport, Method, MethodError, learning_experiment,
 };
+use hydroboom_lab::cycle_learning::log_learning::{LoggedMachine, identify_log};
+use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use std::sync::Mutex;
 
 /// Motion of a crane, shortened to half the length and with short rests.
@@ -21,10 +25,10 @@ fn short(mut crane: Description) -> Description {
 /// Number of learning cycles.
 const CYCLES: usize = 3;
 
-/// Results of one crane at the fast speed.
-fn cycle(crane: Description) -> CycleReport {
+/// Results of one crane at the fast speed, with a number of learning cycles.
+fn cycle(crane: Description, cycles: usize) -> CycleReport {
     let mut model = Description::uia_single_boom().unwrap();
-    model.set(&format!("learning.cycles={CYCLES}")).unwrap();
+    model.set(&format!("learning.cycles={cycles}")).unwrap();
     let course = [CourseChoice::Motion(model.numbers.fast)];
     let cranes = [("one".into(), short(crane))];
     learning_experiment(&model, &cranes, &course, &|_| true).unwrap().remove(0)
@@ -40,7 +44,7 @@ fn error(report: &CycleReport, method: Method, cycles: Option<usize>, reset: boo
 /// Feedforward from the identified model does not, and learning corrects the remaining error.
 #[test]
 fn a_cycle_tells_what_feedforward_lacks() {
-    let report = cycle(member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane);
+    let report = cycle(member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane, CYCLES);
     let nominal = error(&report, Method::NominalModel, None, true);
     let identified = error(&report, Method::IdentifiedModel, None, true);
     assert!(identified < 1.0 && identified < 0.2 * nominal, "{nominal} mm, then {identified} mm");
@@ -61,7 +65,7 @@ fn a_cycle_tells_the_delay_of_a_slow_drive() {
     crane.set("drive.bandwidth_hz=15").unwrap();
     let n = &crane.numbers;
     let drive = 2.0 * n.drive_damping / (std::f64::consts::TAU * n.drive_bandwidth);
-    let report = cycle(crane.clone());
+    let report = cycle(crane.clone(), 1);
     let mut identified = model.clone();
     report.identified.iter().for_each(|set| identified.set(set).unwrap());
     let lag = identified.numbers.tuning.estimator_drive_lag;
@@ -94,4 +98,29 @@ fn what_was_run_before_a_stop_is_kept() {
     assert!(!report.whole && report.stable, "{report:?}");
     let run: Vec<Method> = report.methods.iter().map(|m| m.method).collect();
     assert_eq!(run, [Method::ClosedLoop, Method::NominalModel]);
+}
+
+/// Out by 50 mm and back by 30 mm, whatever rests are between: the crane's own motion of 400 mm needs 40 mm each way. A log that is refused is not fitted; one that
+/// moves enough is looked at further, and lacks the motor's speed here.
+#[test]
+fn a_log_whose_piston_hardly_moves_is_refused_with_its_travel() {
+    let mut model = Description::uia_single_boom().unwrap();
+    model.set_together(["motion.start_mm=50", "motion.end_mm=450"].into_iter()).unwrap();
+    let looked_at = |stroke: [f64; 6], window: Window| -> Result<LoggedMachine, LabError> {
+        let time = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
+        let mut log = Signals::default();
+        log.insert(Signal::Stroke, Track::new(&time, &stroke));
+        let name = "log".into();
+        let file = Measurement { name, channels: Vec::new(), remarks: Vec::new(), time: None };
+        identify_log(&model, (&file, &log), window, &|_| true)
+    };
+    let refusals = |stroke: [f64; 6], window: Window| looked_at(stroke, window).unwrap().refusals;
+    let little = refusals([0.1, 0.1, 0.15, 0.15, 0.12, 0.14], Window::default());
+    assert!(little[0].contains("out by 50.0 mm and back by 30.0 mm"), "{little:?}");
+    assert!(little[0].contains("40 mm each way"), "{little:?}");
+    let whole = [0.1, 0.1, 0.15, 0.15, 0.1, 0.1];
+    let refused = refusals(whole, Window { from: Some(3.0), to: None });
+    assert!(refused[0].contains("out by 0.0 mm and back by 50.0 mm"), "{refused:?}");
+    let further = looked_at(whole, Window::default());
+    assert!(matches!(&further, Err(error) if error.to_string().contains("motor")), "{further:?}");
 }

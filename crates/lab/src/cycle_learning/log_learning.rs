@@ -17,7 +17,7 @@ use crate::closed_loop::scenario::{Course, CourseChoice};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_description::Description;
 use hydroboom_identify::{Aspect, Judgement, Window};
-use hydroboom_measurement::{Measurement, Signal, Signals};
+use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use hydroboom_virtual_crane::surrogate;
 
 /// Machine identified from a log.
@@ -34,6 +34,10 @@ pub struct LoggedMachine {
     /// Remarks on the log.
     pub remarks: Vec<String>,
 }
+
+/// Least travel of a log's piston in each direction, as a share of the crane's own motion \[-\]; an estimate. Delivery and leakage of the pump and friction, which
+/// feedforward depends on, show in motion only.
+const LEAST_TRAVEL: f64 = 0.1;
 
 /// Key of the payload.
 const PAYLOAD: &str = "payload.mass_kg=";
@@ -53,6 +57,11 @@ pub fn identify_log(
     window: Window,
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<LoggedMachine, LabError> {
+    if let Some(refusal) = too_little_motion(model, log.1, window) {
+        let (model, refusals) = (model.clone(), vec![refusal]);
+        let (identified, judged, remarks) = Default::default();
+        return Ok(LoggedMachine { model, identified, judged, refusals, remarks });
+    }
     let within = |share: f64| go_on(IDENTIFICATION * share);
     let stages = Stages::new(1, &within);
     let Identification { model: found, judged, improbable, mut remarks } =
@@ -95,6 +104,35 @@ pub fn identify_log(
         remarks.extend(saturations(&found, &commands, period));
     }
     Ok(LoggedMachine { model: found, identified, judged, refusals, remarks })
+}
+
+/// Reason to refuse a log with too little piston motion; none for sufficient motion or without a position.
+fn too_little_motion(model: &Description, log: &Signals, window: Window) -> Option<String> {
+    let n = &model.numbers;
+    let motion = (n.motion_end - n.motion_start).abs();
+    let travel = travel(log.get(Signal::Stroke)?, window);
+    let [out, back] = travel.map(|travel| 1e3 * travel);
+    travel.iter().any(|travel| *travel < LEAST_TRAVEL * motion).then(|| {
+        format!(
+            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm; to identify pump and friction for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
+            1e3 * motion,
+            1e3 * LEAST_TRAVEL * motion
+        )
+    })
+}
+
+/// Largest travel \[m\] of a piston outwards and inwards within a window.
+fn travel(stroke: &Track, window: Window) -> [f64; 2] {
+    let is_within = |time: f64| {
+        window.from.is_none_or(|from| time >= from) && window.to.is_none_or(|to| time <= to)
+    };
+    let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut travel = [0.0_f64; 2];
+    for (_, at) in stroke.time().iter().zip(stroke.values()).filter(|(time, _)| is_within(**time)) {
+        (lowest, highest) = (lowest.min(*at), highest.max(*at));
+        travel = [travel[0].max(at - lowest), travel[1].max(highest - at)];
+    }
+    travel
 }
 
 /// Feedforward and learning for a machine identified from a log: reports of cycles on its virtual crane,
