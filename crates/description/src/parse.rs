@@ -73,6 +73,9 @@ fn mistaken_units(unit: &str) -> &'static [(&'static str, f64)] {
     }
 }
 
+/// Table of a machine's bus, which is read by whoever attaches the machine.
+const BUS: &str = "machine.ethercat";
+
 /// Section of a file of overrides, not allowed in a crane file.
 const OVERRIDES: &str = "set";
 
@@ -378,7 +381,9 @@ impl Description {
                     Some(table) => {
                         for (key, value) in table.iter() {
                             let path = format!("{section_name}.{}", key.get_ref());
-                            reading.entry(&path, key.span(), value);
+                            if path != BUS {
+                                reading.entry(&path, key.span(), value);
+                            }
                         }
                     }
                     None => reading.problem(

@@ -15,7 +15,7 @@ use crate::check::DeviceFacts;
 use crate::drive::{Drive, Wanted};
 use crate::fault::{Fault, LossWindow};
 use crate::link::Link;
-use crate::machine::{BusSide, FieldbusMachine, hand_over};
+use crate::machine::{BusSide, FieldbusMachine, Taken, hand_over};
 use crate::pace::Pace;
 use crate::start_up::{Devices, StartError, al_text};
 use crate::table::{Invalid, MEASURED, Table};
@@ -26,12 +26,22 @@ use ethercrab::{RegisterAddress, SubDeviceState};
 use hydroboom_control::command::Command;
 use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
 use hydroboom_control::supervision::limits::ValveState;
-use hydroboom_realtime::machine::{Incoming, Outgoing};
+use hydroboom_realtime::machine::{Delay, Incoming, Link as Attachment, Outgoing};
 
 /// Periods without a new command after which the safe command is sent.
 const COMMAND_PERIODS: u32 = 2;
 /// Time after SYNC0 until which an answer is waited for, before the end of the period \[ns\].
 const MARGIN: u64 = 50_000;
+/// Longest time that is told from longer ones \[ns\].
+const LONGEST: u64 = 1_000_000_000;
+/// Delays are means over about so many commands.
+const AVERAGED: f64 = 256.0;
+/// State INIT, as it is requested.
+const INIT: u8 = 1;
+/// Frames by which devices are told to go to INIT, where the ones before were lost.
+const TRIES: u32 = 3;
+/// Cycles for which drives are waited for to switch off before the bus ends.
+const UNTIL_OFF: u32 = 500;
 /// Signals of an axis; the measured signal after them is the valve's position switch.
 const SIGNALS: usize = MEASURED.len() - 1;
 
@@ -50,10 +60,34 @@ pub struct Counters {
     pub unexpected: u64,
     /// Cycles in which no new command had come.
     pub without_command: u64,
+    /// Exchanges with outputs that passed the reference clock after the SYNC0 that was to take them over.
+    pub late_outputs: u64,
+    /// Exchanges that this computer began more than half a period late.
+    pub late_begins: u64,
     /// Cycles in which a drive showed a warning (statusword bit 7).
     pub warnings: u64,
     /// Cycles in which a drive showed an active limit (statusword bit 11).
     pub limits: u64,
+}
+
+/// Distribution of times \[ns\].
+pub type Histogram = hdrhistogram::Histogram<u64>;
+
+/// What was measured of times since the start.
+#[derive(Clone, Debug)]
+pub struct Times {
+    /// From the passing of outputs at the reference clock to the SYNC0 that takes them over, by that clock \[ns\].
+    pub margin: Histogram,
+    /// From the sending of a frame to its return, by this computer's clock \[ns\].
+    pub round_trip: Histogram,
+}
+
+impl Times {
+    /// Nothing measured yet; none where there is no memory for it.
+    pub(crate) fn new() -> Option<Self> {
+        let empty = Histogram::new_with_bounds(1, LONGEST, 3).ok()?;
+        Some(Self { margin: empty.clone(), round_trip: empty })
+    }
 }
 
 /// A bus in OP.
@@ -72,6 +106,10 @@ pub struct Bus<L> {
     number: u64,
     /// The last command, and for how many periods none has come; none before the first at rest.
     command: Option<(Outgoing, u32)>,
+    /// SYNC0 of the measurement that a command answers which has not been sent yet \[ns\].
+    answers: Option<u64>,
+    delay: Option<Delay>,
+    times: Times,
     /// The first fault, and when it came \[ns\].
     fault: Option<(Fault, u64)>,
     lost: LossWindow,
@@ -88,6 +126,8 @@ pub struct Bus<L> {
 struct Seen {
     is_lost: bool,
     is_low: bool,
+    /// SYNC0 before the first exchange that came back, by the devices' clock \[ns\].
+    sync0: Option<u64>,
 }
 
 impl<L> std::fmt::Debug for Bus<L> {
@@ -106,8 +146,9 @@ impl<L: Link> Bus<L> {
         group: Devices<Op>,
         pace: Pace,
         facts: Vec<DeviceFacts>,
+        times: Times,
     ) -> Self {
-        let (machine, side) = hand_over();
+        let (machine, side) = hand_over(&table.bus);
         let sizes = |bytes: fn(&crate::table::DeviceRow) -> usize| -> Vec<Vec<u8>> {
             table.devices.iter().map(|row| vec![0; bytes(row)]).collect()
         };
@@ -132,6 +173,9 @@ impl<L: Link> Bus<L> {
             machine: Some(machine),
             number: 0,
             command: None,
+            answers: None,
+            delay: None,
+            times,
             fault: None,
             cycle: Seen::default(),
             counters: Counters::default(),
@@ -157,6 +201,16 @@ impl<L: Link> Bus<L> {
     /// What was counted.
     pub fn counters(&self) -> Counters {
         Counters { unexpected: self.wire.unexpected, ..self.counters }
+    }
+
+    /// What was measured of times.
+    pub fn times(&self) -> &Times {
+        &self.times
+    }
+
+    /// Delays from sampling, means over about a quarter of a second; none before a command has acted.
+    pub fn delay(&self) -> Option<Delay> {
+        self.delay
     }
 
     /// The fault that stopped the machine.
@@ -189,8 +243,8 @@ impl<L: Link> Bus<L> {
     pub fn measure(&mut self) {
         self.counters.cycles += 1;
         self.cycle = Seen::default();
-        self.wire.link.wait(self.pace.next_exchange());
-        let counts = self.exchange();
+        let counts = self.exchange(self.pace.next_exchange(), self.table.bus.exchanges == 1);
+        self.side.show_sync0(self.pace.in_cycle(0));
         // before the drives are looked at: one that left OP has a fault for it
         self.read_reason();
         if counts {
@@ -205,10 +259,9 @@ impl<L: Link> Bus<L> {
         self.take_command();
         self.encode();
         if self.table.bus.exchanges == 2 {
-            self.wire.link.wait(self.pace.in_cycle(self.table.bus.send));
-            self.exchange();
+            self.exchange(self.pace.in_cycle(self.table.bus.send), true);
         }
-        let Seen { is_lost, is_low } = self.cycle;
+        let Seen { is_lost, is_low, .. } = self.cycle;
         if self.lost.take(is_lost) {
             self.stop(Fault::FramesLost);
         }
@@ -232,8 +285,9 @@ impl<L: Link> Bus<L> {
         Ok(bus)
     }
 
-    /// One exchange; whether its inputs count.
-    fn exchange(&mut self) -> bool {
+    /// One exchange, due at a time \[ns\], with or without outputs that are new; whether its inputs count.
+    fn exchange(&mut self, due: u64, has_outputs: bool) -> bool {
+        self.wire.link.wait(due);
         let main = self.wire.main;
         for (position, bytes) in self.outputs.iter().enumerate() {
             // a guard lives in one statement only: inputs that are read while it is held would wait for ever
@@ -243,6 +297,8 @@ impl<L: Link> Bus<L> {
         }
         let sent = now();
         self.counters.exchanges += 1;
+        let is_late = sent.saturating_sub(due) > self.table.bus.period / 2;
+        self.counters.late_begins += u64::from(is_late);
         let end = self.pace.answer_end(sent, &self.table.bus, MARGIN);
         let answer = self.wire.run_until(self.group.tx_rx_dc(main), end).and_then(Result::ok);
         self.pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
@@ -251,6 +307,8 @@ impl<L: Link> Bus<L> {
             self.cycle.is_lost = true;
             return false;
         };
+        self.times.round_trip.saturating_record(now().saturating_sub(sent).max(1));
+        self.time_outputs(answer.extra.dc_system_time, has_outputs);
         if answer.working_counter != self.working_counter {
             self.counters.low += 1;
             self.cycle.is_low = true;
@@ -274,6 +332,33 @@ impl<L: Link> Bus<L> {
             }
         }
         true
+    }
+
+    /// A frame passed the reference clock at a time of that clock \[ns\]: how long before SYNC0 its outputs did, and after
+    /// which delay they act.
+    fn time_outputs(&mut self, passed: u64, has_outputs: bool) {
+        let period = self.table.bus.period;
+        let begin = *self.cycle.sync0.get_or_insert(passed - passed % period);
+        if !has_outputs {
+            return;
+        }
+        let taken_over = begin + period;
+        match taken_over.checked_sub(passed) {
+            Some(margin) => self.times.margin.saturating_record(margin.max(1)),
+            None => self.counters.late_outputs += 1,
+        }
+        if let Some(sampled) = self.answers.take() {
+            let cycles = |from: u64, to: u64| to.saturating_sub(from) as f64 / period as f64;
+            // inputs are fetched soon after they were latched
+            let now = Delay {
+                measurement: self.table.bus.exchange as f64 / period as f64,
+                total: cycles(sampled, taken_over.max(passed)),
+            };
+            self.delay = Some(self.delay.map_or(now, |mean| Delay {
+                total: mean.total + (now.total - mean.total) / AVERAGED,
+                ..now
+            }));
+        }
     }
 
     /// A device did not answer: a fault where the losses that are borne are used up.
@@ -356,13 +441,20 @@ impl<L: Link> Bus<L> {
             time: self.pace.system as f64 * 1e-9,
             axes: std::array::from_fn(axis),
         };
-        self.side.publish(&Incoming::new(measurement, valve));
+        let link = Attachment {
+            lost: self.counters.cycles - self.number,
+            dropped: self.wire.unexpected,
+            delay: self.delay,
+            commands_lost: false,
+        };
+        let incoming = Incoming { link: Some(link), ..Incoming::new(measurement, valve) };
+        self.side.publish(&incoming, self.pace.system);
     }
 
     /// Takes the newest command. After a start and after a reset commands count from the first one that is at rest,
     /// so that nothing moves unexpectedly (ISO 14118).
     fn take_command(&mut self) {
-        if let Some(outgoing) = self.side.take_command() {
+        if let Some(Taken { outgoing, answers }) = self.side.take_command() {
             let is_finite = outgoing
                 .command
                 .axes
@@ -372,7 +464,13 @@ impl<L: Link> Bus<L> {
                 self.stop(Fault::CommandsStopped);
             } else if self.command.is_some() || outgoing.is_safe() {
                 self.command = Some((outgoing, 0));
+                self.answers = Some(answers).filter(|sampled| *sampled > 0);
             }
+            return;
+        }
+        if self.side.is_left() && self.command.is_none_or(|(last, _)| last.is_safe()) {
+            // control has ended with its load held: drives are switched off
+            self.command = None;
             return;
         }
         if let Some((_, age)) = &mut self.command {
@@ -424,6 +522,28 @@ impl<L: Link> Bus<L> {
             match drive {
                 Some(drive) => drive.command(outputs, wanted, counts),
                 None => row.place.write(outputs, counts as u64),
+            }
+        }
+    }
+
+    /// Ends the bus: drives are switched off, and the devices go to INIT, so that their watchdogs find nothing missing.
+    pub fn end(&mut self) {
+        self.command = None;
+        for _ in 0..UNTIL_OFF {
+            self.measure();
+            self.encode();
+            if !self.drives.iter().any(Drive::is_enabled) {
+                break;
+            }
+        }
+        let main = self.wire.main;
+        let init = ethercrab::Command::bwr(RegisterAddress::AlControl.into());
+        for _ in 0..TRIES {
+            let end = now() + self.table.bus.period;
+            let sent = self.wire.run_until(init.send(main, [INIT, 0]), end);
+            // who does not hear it has its watchdog
+            if sent.is_some_and(|sent| sent.is_ok()) {
+                return;
             }
         }
     }

@@ -64,6 +64,11 @@ impl Fault {
         }
     }
 
+    /// Number in logs: what kind of fault it is.
+    pub fn code(self) -> u16 {
+        (Self::to_word(Some(self)) >> 32) as u16
+    }
+
     /// What happened, and what to do; with a device's reason for leaving OP.
     pub(crate) fn sentence(self, table: &Table, reason: &str) -> String {
         let name = |device: u16| match table.devices.get(usize::from(device)) {

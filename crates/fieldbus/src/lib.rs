@@ -22,13 +22,16 @@
 )]
 
 pub mod bus;
+pub mod bus_task;
 pub mod check;
 pub mod cia402;
 mod drive;
 pub mod fault;
+pub mod interface;
 pub mod link;
 pub mod machine;
 mod pace;
+pub mod raw_socket;
 mod sii;
 pub mod start_up;
 pub mod table;

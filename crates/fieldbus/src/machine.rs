@@ -1,13 +1,14 @@
 //! Hand-over between the bus task and the control task: atomics only, so that neither waits for the other.
 
 use crate::fault::Fault;
+use crate::table::BusSettings;
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
-use hydroboom_control::supervision::limits::ValveState;
-use hydroboom_realtime::machine::{Incoming, Machine, Outgoing};
+use hydroboom_control::supervision::limits::{MachineStatus, ValveState};
+use hydroboom_realtime::machine::{Delay, Incoming, Link, Machine, Outgoing};
 use hydroboom_realtime::slot::Slot;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// State of the machine on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,10 +25,13 @@ pub enum MachineState {
 const SIGNALS: usize = 7;
 /// Words of an axis: signals, and their validities in one.
 const AXIS_WORDS: usize = SIGNALS + 1;
-/// Words of a measurement: number, time, valve, and those of the axes.
-const MEASUREMENT_WORDS: usize = 3 + AXES * AXIS_WORDS;
-/// Words of a command: sequence number, whether drives are to follow, and two of each axis.
-const COMMAND_WORDS: usize = 2 + 2 * AXES;
+/// Words of what the bus tells of itself: lost and dropped, whether delays are known, and both of them.
+const LINK_WORDS: usize = 5;
+/// Words of a measurement: number, SYNC0 at which it was sampled, valve, the bus's, and those of the axes.
+const MEASUREMENT_WORDS: usize = 3 + LINK_WORDS + AXES * AXIS_WORDS;
+/// Words of a command: sequence number, SYNC0 of the measurement that it answers, whether drives are to follow, and
+/// two of each axis.
+const COMMAND_WORDS: usize = 3 + 2 * AXES;
 
 #[derive(Debug, Default)]
 struct Shared {
@@ -38,11 +42,22 @@ struct Shared {
     fault: AtomicU64,
     /// Number of resets that persons asked for.
     resets: AtomicU64,
+    /// A SYNC0 by this computer's clock \[ns\]; 0 where none is known.
+    sync0: AtomicU64,
+    /// Whether the control task's side is no longer there.
+    is_left: AtomicBool,
 }
 
 /// The control task's side: a [`Machine`].
 #[derive(Debug)]
-pub struct FieldbusMachine(Arc<Shared>);
+pub struct FieldbusMachine {
+    shared: Arc<Shared>,
+    /// Control period, and when in it control begins, after SYNC0 \[ns\].
+    period: u64,
+    begin: u64,
+    /// SYNC0 at which the measurement that was read last was sampled, by the devices' clock \[ns\].
+    sampled: u64,
+}
 
 /// The bus task's side.
 #[derive(Debug)]
@@ -54,33 +69,50 @@ pub(crate) struct BusSide {
     resets: u64,
 }
 
-/// Both sides.
-pub(crate) fn hand_over() -> (FieldbusMachine, BusSide) {
+/// A command as the bus task takes it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Taken {
+    pub(crate) outgoing: Outgoing,
+    /// SYNC0 at which the measurement that it answers was sampled, by the devices' clock \[ns\]; 0: none.
+    pub(crate) answers: u64,
+}
+
+/// Both sides, of a bus.
+pub(crate) fn hand_over(bus: &BusSettings) -> (FieldbusMachine, BusSide) {
     let shared = Arc::new(Shared::default());
-    (FieldbusMachine(Arc::clone(&shared)), BusSide { shared, sequence: None, resets: 0 })
+    let machine = FieldbusMachine {
+        shared: Arc::clone(&shared),
+        period: bus.period,
+        begin: bus.control(),
+        sampled: 0,
+    };
+    (machine, BusSide { shared, sequence: None, resets: 0 })
 }
 
 impl FieldbusMachine {
     /// State of the machine.
     pub fn state(&self) -> MachineState {
-        match Fault::of_word(self.0.fault.load(Ordering::Acquire)) {
+        match Fault::of_word(self.shared.fault.load(Ordering::Acquire)) {
             Some(fault) => MachineState::Fault(fault),
-            None if self.0.is_enabled.load(Ordering::Acquire) != 0 => MachineState::Enabled,
+            None if self.shared.is_enabled.load(Ordering::Acquire) != 0 => MachineState::Enabled,
             None => MachineState::Ready,
         }
     }
 
     /// A person has mended the cause of a fault and resets it. Never called by a program on its own.
     pub fn reset_by_a_person(&self) {
-        self.0.resets.fetch_add(1, Ordering::AcqRel);
+        self.shared.resets.fetch_add(1, Ordering::AcqRel);
     }
 }
 
 impl Machine for FieldbusMachine {
     fn read(&mut self) -> Option<Incoming> {
-        let (_, [number, time, valve, axes @ ..]) = self.0.measurement.read()?;
+        let (_, words) = self.shared.measurement.read()?;
+        let [number, sampled, valve, lost, dropped, has_delay, sent_after, total, axes @ ..] =
+            words;
+        self.sampled = sampled;
         let mut measurement =
-            Measurement { number, time: f64::from_bits(time), ..Measurement::default() };
+            Measurement { number, time: sampled as f64 * 1e-9, ..Measurement::default() };
         for (axis, words) in measurement.axes.iter_mut().zip(axes.chunks_exact(AXIS_WORDS)) {
             let signals = std::array::from_fn(|k| f64::from_bits(words[k]));
             let validity = std::array::from_fn(|k| validity_of(words[SIGNALS] >> (2 * k)));
@@ -94,18 +126,50 @@ impl Machine for FieldbusMachine {
             2 => Some(ValveState::Open),
             _ => None,
         };
-        Some(Incoming::new(measurement, valve))
+        let status = match self.state() {
+            MachineState::Ready => MachineStatus::Ready,
+            MachineState::Enabled => MachineStatus::Enabled,
+            MachineState::Fault(fault) => MachineStatus::Fault { code: fault.code() },
+        };
+        let delay = Delay { measurement: f64::from_bits(sent_after), total: f64::from_bits(total) };
+        let link = Link {
+            lost,
+            dropped,
+            delay: (has_delay == 1).then_some(delay),
+            // a bus without new commands is in its fault
+            commands_lost: false,
+        };
+        Some(Incoming { measurement, valve, status: Some(status), link: Some(link) })
     }
 
     fn write(&mut self, sequence: u64, outgoing: &Outgoing) {
         let mut words = [0; COMMAND_WORDS];
         words[0] = sequence;
-        words[1] = u64::from(outgoing.is_enabled);
-        for (words, axis) in words[2..].chunks_exact_mut(2).zip(&outgoing.command.axes) {
+        words[1] = self.sampled;
+        words[2] = u64::from(outgoing.is_enabled);
+        for (words, axis) in words[3..].chunks_exact_mut(2).zip(&outgoing.command.axes) {
             words[0] = axis.motor_speed.to_bits();
             words[1] = axis.holding_valve.to_bits();
         }
-        self.0.command.publish(words);
+        self.shared.command.publish(words);
+    }
+
+    fn release(&self, due: u64) -> u64 {
+        match self.shared.sync0.load(Ordering::Acquire) {
+            0 => due,
+            sync0 => {
+                // the begin of a period that is nearest
+                let off = due.wrapping_sub(sync0 + self.begin) as i64;
+                let (period, half) = (self.period as i64, self.period as i64 / 2);
+                due.wrapping_add_signed(half - (off + half).rem_euclid(period))
+            }
+        }
+    }
+}
+
+impl Drop for FieldbusMachine {
+    fn drop(&mut self) {
+        self.shared.is_left.store(true, Ordering::Release);
     }
 }
 
@@ -128,18 +192,29 @@ fn bits_of(validity: Validity) -> u64 {
 }
 
 impl BusSide {
-    /// Hands a measurement over.
-    pub(crate) fn publish(&self, incoming: &Incoming) {
+    /// Hands a measurement over, of a SYNC0 by the devices' clock \[ns\].
+    pub(crate) fn publish(&self, incoming: &Incoming, sampled: u64) {
         let measurement = &incoming.measurement;
         let mut words = [0; MEASUREMENT_WORDS];
         words[0] = measurement.number;
-        words[1] = measurement.time.to_bits();
+        words[1] = sampled;
         words[2] = match incoming.valve {
             None => 0,
             Some(ValveState::Shut) => 1,
             Some(ValveState::Open) => 2,
         };
-        for (words, axis) in words[3..].chunks_exact_mut(AXIS_WORDS).zip(&measurement.axes) {
+        if let Some(link) = incoming.link {
+            let delay = link.delay.unwrap_or_default();
+            words[3..3 + LINK_WORDS].copy_from_slice(&[
+                link.lost,
+                link.dropped,
+                u64::from(link.delay.is_some()),
+                delay.measurement.to_bits(),
+                delay.total.to_bits(),
+            ]);
+        }
+        let axes = words[3 + LINK_WORDS..].chunks_exact_mut(AXIS_WORDS);
+        for (words, axis) in axes.zip(&measurement.axes) {
             for (word, value) in words.iter_mut().zip(axis.signals.to_array()) {
                 *word = value.to_bits();
             }
@@ -151,8 +226,8 @@ impl BusSide {
     }
 
     /// The newest command, if none was taken since it was sent.
-    pub(crate) fn take_command(&mut self) -> Option<Outgoing> {
-        let (_, [sequence, is_enabled, axes @ ..]) = self.shared.command.read()?;
+    pub(crate) fn take_command(&mut self) -> Option<Taken> {
+        let (_, [sequence, answers, is_enabled, axes @ ..]) = self.shared.command.read()?;
         if self.sequence.is_some_and(|last| sequence <= last) {
             return None;
         }
@@ -164,7 +239,17 @@ impl BusSide {
                 holding_valve: f64::from_bits(words[1]),
             };
         }
-        Some(Outgoing { command, is_enabled: is_enabled == 1 })
+        Some(Taken { outgoing: Outgoing { command, is_enabled: is_enabled == 1 }, answers })
+    }
+
+    /// Whether the control task's side is no longer there.
+    pub(crate) fn is_left(&self) -> bool {
+        self.shared.is_left.load(Ordering::Acquire)
+    }
+
+    /// Shows a SYNC0 by this computer's clock \[ns\].
+    pub(crate) fn show_sync0(&self, sync0: u64) {
+        self.shared.sync0.store(sync0, Ordering::Release);
     }
 
     /// Whether a person asked for a reset since it was looked at last.
@@ -183,22 +268,37 @@ impl BusSide {
 mod tests {
     use super::*;
 
+    const BUS: BusSettings = BusSettings {
+        period: 1_000_000,
+        exchanges: 2,
+        exchange: 100_000,
+        send: 700_000,
+        lost_max: 3,
+        window: 100,
+        brake: 0,
+    };
+
     #[test]
     fn what_is_handed_over_arrives_as_it_was_and_a_command_is_taken_once() {
-        let (mut machine, mut bus) = hand_over();
+        let (mut machine, mut bus) = hand_over(&BUS);
         assert_eq!((machine.read(), bus.take_command()), (None, None));
         let signals = AxisSignals::from_array([0.3, 1e5, 2e5, -3e5, 4e5, 5e5, -12.5]);
+        let sampled = 1_500_000_000;
         let mut measurement = Measurement::new(7, 1.5, [signals; AXES]);
         measurement.axes[0].validity.pressure_b = Validity::OutOfRange;
         measurement.axes[0].validity.motor_speed = Validity::Absent;
         measurement.axes[0].validity.stroke = Validity::Stale;
-        let incoming = Incoming::new(measurement, Some(ValveState::Open));
-        bus.publish(&incoming);
+        let delay = Some(Delay { measurement: 0.125, total: 1.5 });
+        let link = Some(Link { lost: 3, dropped: 4, delay, commands_lost: false });
+        let status = Some(MachineStatus::Ready);
+        let incoming = Incoming { measurement, valve: Some(ValveState::Open), status, link };
+        bus.publish(&incoming, sampled);
         assert_eq!(machine.read(), Some(incoming));
 
         let outgoing = Outgoing { command: Command::released([-33.25; AXES]), is_enabled: true };
         machine.write(1, &outgoing);
-        assert_eq!(bus.take_command(), Some(outgoing));
+        let taken = Taken { outgoing, answers: sampled };
+        assert_eq!(bus.take_command(), Some(taken));
         assert_eq!(bus.take_command(), None, "an old command is not taken again");
         machine.write(1, &outgoing);
         assert_eq!(bus.take_command(), None, "nor one with a number that was there");
@@ -206,7 +306,7 @@ mod tests {
 
     #[test]
     fn a_reset_is_taken_up_once_and_the_state_tells_the_fault() {
-        let (machine, mut bus) = hand_over();
+        let (machine, mut bus) = hand_over(&BUS);
         assert!(!bus.take_reset());
         machine.reset_by_a_person();
         assert!(bus.take_reset());
@@ -216,5 +316,22 @@ mod tests {
         let fault = Fault::Drive { device: 1, code: 0x3220 };
         bus.show(true, Some(fault));
         assert_eq!(machine.state(), MachineState::Fault(fault));
+        assert!(!bus.is_left());
+        drop(machine);
+        assert!(bus.is_left());
+    }
+
+    #[test]
+    fn control_is_released_in_the_phase_of_sync0_and_by_less_than_half_a_period_off_what_is_due() {
+        let (machine, bus) = hand_over(&BUS);
+        assert_eq!(machine.release(123_456_789), 123_456_789, "nothing is known of SYNC0");
+        let sync0 = 77_000_250_000;
+        bus.show_sync0(sync0);
+        for due in (sync0 - 3_000_000..sync0 + 3_000_000).step_by(77_777) {
+            let release = machine.release(due);
+            assert!(release.abs_diff(due) <= BUS.period / 2, "{release} for {due}");
+            let phase = (release as i64 - sync0 as i64).rem_euclid(BUS.period as i64);
+            assert_eq!(phase, BUS.control() as i64);
+        }
     }
 }

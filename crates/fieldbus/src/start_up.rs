@@ -9,7 +9,7 @@
 //! SDOs are sent here only, never in a cycle: ethercrab 0.7.1 panics where an emergency comes in place of an answer
 //! (`mailbox/coe/mod.rs:231`), and a panic of a start-up is caught and told.
 
-use crate::bus::Bus;
+use crate::bus::{Bus, Times};
 use crate::check::{DeviceFacts, mismatches};
 use crate::link::Link;
 use crate::pace::Pace;
@@ -83,6 +83,8 @@ impl<L: Link> Bus<L> {
     }
 
     pub(crate) fn start_on(table: Table, mut wire: Wire<L>) -> Result<Self, StartError> {
+        let times = Times::new()
+            .ok_or_else(|| StartError::Failed("no memory for the timing histograms".into()))?;
         let main = wire.main;
         let group: Devices<PreOp, NoDc> =
             wire.run(main.init_single_group(now)).map_err(|error| {
@@ -95,7 +97,7 @@ impl<L: Link> Bus<L> {
         }
         let facts = prepare(&mut wire, &group, &table)?;
         let (group, pace) = into_op(&mut wire, group, &table)?;
-        Ok(Self::running(table, wire, group, pace, facts))
+        Ok(Self::running(table, wire, group, pace, facts, times))
     }
 }
 

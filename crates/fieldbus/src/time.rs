@@ -6,10 +6,9 @@
 //! is never used; the nearest time that a future waits for is kept.
 
 use embassy_time_driver::{Driver, TICK_HZ, time_driver_impl};
+use hydroboom_realtime::posix;
 use std::cell::Cell;
-use std::sync::OnceLock;
 use std::task::Waker;
-use std::time::Instant;
 
 /// Length of the driver's tick \[ns\].
 const TICK: u64 = 1_000_000_000 / TICK_HZ;
@@ -21,10 +20,9 @@ thread_local! {
     static NEXT_TIMER: Cell<u64> = const { Cell::new(u64::MAX) };
 }
 
-/// Time \[ns\]: of the monotonic clock since it was looked at first, or as this thread simulates it.
+/// Time \[ns\]: of the system's monotonic clock, or as this thread simulates it.
 pub fn now() -> u64 {
-    static START: OnceLock<Instant> = OnceLock::new();
-    SIMULATED.get().unwrap_or_else(|| START.get_or_init(Instant::now).elapsed().as_nanos() as u64)
+    SIMULATED.get().unwrap_or_else(posix::now)
 }
 
 /// Sets the simulated time of this thread \[ns\]; from now on it does not see the system's clock.

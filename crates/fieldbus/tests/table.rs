@@ -91,6 +91,30 @@ fn each_problem_is_told_with_line_key_what_was_read_and_what_is_allowed() {
 }
 
 #[test]
+fn the_same_table_is_read_from_a_crane_file_which_stays_one_and_problems_have_their_lines() {
+    let crane = hydroboom_description::UIA_SINGLE_BOOM;
+    let inside = format!("\n{}", example())
+        .replace("\n[[", "\n[[machine.ethercat.")
+        .replace("\n[bus]", "\n[machine.ethercat.bus]");
+    let text = format!("{crane}\n{inside}");
+    let read = Table::parse_in_crane_file("crane.toml", &text).unwrap();
+    assert_eq!(read, Some(Table::parse("bus.toml", example()).unwrap()));
+    assert_eq!(Table::parse_in_crane_file("crane.toml", crane).unwrap(), None);
+    let described = hydroboom_description::Description::parse("crane.toml", &text).unwrap();
+    assert_eq!(
+        described.digest(),
+        hydroboom_description::Description::uia_single_boom().unwrap().digest()
+    );
+    let wrong = text.replace("exchanges       = 2", "exchanges = 3");
+    let line = 1 + wrong.split_once("exchanges = 3").unwrap().0.matches('\n').count();
+    let told = Table::parse_in_crane_file("crane.toml", &wrong).unwrap_err().to_string();
+    assert!(
+        told.starts_with(&format!("crane.toml:{line}: machine.ethercat.bus.exchanges: 3 was read")),
+        "{told}"
+    );
+}
+
+#[test]
 fn what_toml_does_not_have_is_told_with_its_line() {
     for (from, to, part) in [
         ("sync     = \"none\"", "sync = \"sync2\"", "sync01"),

@@ -12,10 +12,12 @@ pub enum MachineArgument {
     Virtual(Option<InputFile>),
     /// Machine in another process on the local interface, at this UDP port.
     Udp(u16),
+    /// Devices for EtherCAT at this network interface.
+    EtherCat(String),
 }
 
 impl MachineArgument {
-    /// Parser for `virtual`, `virtual:FILE`, `udp:PORT`, or a file.
+    /// Reads it from the command line: `virtual`, `virtual:FILE`, `udp:PORT`, `ethercat:INTERFACE`, or a file.
     pub fn parser() -> impl TypedValueParser<Value = Self> {
         OsStringValueParser::new().try_map(Self::parse)
     }
@@ -34,9 +36,10 @@ impl MachineArgument {
                     "\"{port}\" is no UDP port: it is a number from 1 to 65535, as in udp:8150"
                 )),
             },
-            Some(("ethercat", _)) => Err(
-                "a machine on EtherCAT cannot be attached yet; docs/reference/machine-interface.md says how one is over udp:PORT".into(),
-            ),
+            Some(("ethercat", "")) => {
+                Err("no network interface after ethercat: - it is ethercat:INTERFACE, as in ethercat:eth1".into())
+            }
+            Some(("ethercat", interface)) => Ok(Self::EtherCat(interface.into())),
             _ => Ok(Self::Virtual(Some(given.into()))),
         }
     }
@@ -45,7 +48,7 @@ impl MachineArgument {
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::Virtual(file) => file.as_deref(),
-            Self::Udp(_) => None,
+            Self::Udp(_) | Self::EtherCat(_) => None,
         }
     }
 }
@@ -66,8 +69,9 @@ mod tests {
             assert_eq!(parse(text).unwrap().file(), file.map(Path::new), "{text}");
         }
         assert!(matches!(parse("udp:8150"), Ok(MachineArgument::Udp(8150))));
-        for wrong in ["udp:", "udp:0", "udp:65536", "udp:-1", "udp:x", "virtual:", "ethercat:eth0"]
-        {
+        let bus = parse("ethercat:enp3s0");
+        assert!(matches!(bus, Ok(MachineArgument::EtherCat(interface)) if interface == "enp3s0"));
+        for wrong in ["udp:", "udp:0", "udp:65536", "udp:-1", "udp:x", "virtual:", "ethercat:"] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
     }

@@ -24,9 +24,11 @@ pub enum Source {
     CraneFile,
     /// Crane file of its own.
     MachineFile,
-    /// Another process, at this UDP port.
-    Attached(u16),
-    /// The model itself or with overrides, with ideal equipment.
+    /// Another process, over the local interface.
+    Udp,
+    /// Devices on a bus.
+    EtherCat,
+    /// The model itself, or the model with overrides; its equipment is ideal.
     Model,
 }
 
@@ -37,9 +39,15 @@ impl Source {
             Self::Embedded => "embedded",
             Self::CraneFile => "crane file",
             Self::MachineFile => "plant file",
-            Self::Attached(_) => "udp",
+            Self::Udp => "udp",
+            Self::EtherCat => "ethercat",
             Self::Model => "model",
         }
+    }
+
+    /// Whether nothing is known of the machine but what its sensors tell.
+    pub fn is_attached(self) -> bool {
+        matches!(self, Self::Udp | Self::EtherCat)
     }
 }
 
@@ -58,6 +66,8 @@ pub struct MachineChoice {
     differences: Vec<Difference>,
     /// Options of `hydroboom machine` for the same machine.
     arguments: Vec<OsString>,
+    /// Where a machine is attached, as it was named.
+    address: Option<String>,
 }
 
 impl MachineChoice {
@@ -118,7 +128,8 @@ impl MachineChoice {
             }
         };
         let differences = by_weight(model.differences(&machine));
-        let choice = Self { model, machine, source, filled_in, differences, arguments };
+        let address = None;
+        let choice = Self { model, machine, source, filled_in, differences, arguments, address };
         if crane.overrides().len() > motion.len() && source != Source::CraneFile {
             output::note(&format!(
                 "--set is of the model only: the plant \"{}\" keeps the values of its own file",
@@ -139,20 +150,22 @@ impl MachineChoice {
             filled_in: Vec::new(),
             differences: Vec::new(),
             arguments: Vec::new(),
+            address: None,
         }
     }
 
-    /// Machine in another process. Its parameters are unknown: for checks before a run the model with
-    /// typical equipment represents it.
-    pub fn attached(model: Description, port: u16) -> Self {
+    /// A machine that is attached at an address, of which nothing is known: the model with typical equipment stands
+    /// for it in what is said before a run.
+    pub fn attached(model: Description, source: Source, address: String) -> Self {
         let (machine, _) = model.virtual_crane();
         Self {
             machine,
             model,
-            source: Source::Attached(port),
+            source,
             filled_in: Vec::new(),
             differences: Vec::new(),
             arguments: Vec::new(),
+            address: Some(address),
         }
     }
 
@@ -175,10 +188,10 @@ impl MachineChoice {
 
     /// Name of the machine in tables and messages.
     pub fn name(&self) -> String {
-        match self.source {
-            Source::CraneFile => format!("virtual crane of {}", self.model.name),
-            Source::Attached(port) => format!("machine at udp:{port}"),
-            Source::Embedded | Source::MachineFile | Source::Model => self.machine.name.clone(),
+        match (&self.address, self.source) {
+            (Some(address), _) => format!("machine at {address}"),
+            (None, Source::CraneFile) => format!("virtual crane of {}", self.model.name),
+            (None, _) => self.machine.name.clone(),
         }
     }
 
@@ -197,7 +210,7 @@ impl MachineChoice {
 
     /// Remark if the machine equals the model except for its equipment; none if it differs.
     pub fn equality(&self) -> Option<&'static str> {
-        if matches!(self.source, Source::Attached(_)) {
+        if self.source.is_attached() {
             return None;
         }
         if self.differences.is_empty() {

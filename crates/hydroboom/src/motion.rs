@@ -170,7 +170,7 @@ impl MotionTests {
             let plant = match choice.source {
                 Source::Embedded => "virtual crane".to_string(),
                 Source::CraneFile => name.clone(),
-                Source::MachineFile | Source::Attached(_) | Source::Model => {
+                Source::MachineFile | Source::Udp | Source::EtherCat | Source::Model => {
                     format!("plant \"{name}\"")
                 }
             };

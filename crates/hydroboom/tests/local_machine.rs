@@ -49,7 +49,8 @@ fn what_cannot_be_attached_is_said() {
     for (machine, named) in [
         ("udp:99999", "1 to 65535"),
         ("udp:", "1 to 65535"),
-        ("ethercat:eth0", "udp:PORT"),
+        ("ethercat:", "no network interface"),
+        ("ethercat:lo", "clocks of their own"),
         ("virtual:../../cranes", "directory"),
         ("../../cranes", "directory"),
         (port.as_str(), "another program has it"),
@@ -57,6 +58,30 @@ fn what_cannot_be_attached_is_said() {
         let output = hydroboom(&["run", "--simulated-time", "--machine", machine]);
         let said = in_one_line(&String::from_utf8_lossy(&output.stderr));
         assert!(!output.status.success() && said.contains(named), "{machine}: {said}");
+    }
+}
+
+#[test]
+fn a_bus_that_cannot_be_opened_is_told_before_anything_else_is_done() {
+    let page = include_str!("../../../docs/reference/ethercat-table.md");
+    let table = page.split_once("```toml\n").unwrap().1.split_once("```").unwrap().0;
+    let file = command::files("a_bus_that_cannot_be_opened");
+    let (bus, slow) = (file("bus.toml"), file("slow.toml"));
+    std::fs::write(&bus, table).unwrap();
+    std::fs::write(&slow, table.replace("period_us       = 1000", "period_us = 2000")).unwrap();
+    for (arguments, parts) in [
+        (vec!["ethercat:lo"], ["[machine.ethercat]", "--bus FILE"]),
+        (vec!["ethercat:lo", "--bus", &slow], ["2000 us", "control_period_ms is 1 ms"]),
+        (vec!["ethercat:nowhere0", "--bus", &bus], ["no network interface nowhere0", "lo"]),
+        (vec!["ethercat:lo", "--bus", &bus], ["loopback", "first device"]),
+        (vec!["virtual", "--bus", &bus], ["--bus", "ethercat:eth1"]),
+    ] {
+        let output = hydroboom(&[&["run", "--auto", "--machine"], &arguments[..]].concat());
+        let said = in_one_line(&String::from_utf8_lossy(&output.stderr));
+        assert!(!output.status.success(), "{arguments:?}: {said}");
+        for part in parts {
+            assert!(said.contains(part), "{arguments:?}: {part} is not in: {said}");
+        }
     }
 }
 

@@ -473,9 +473,9 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
     let mut done_for = 0;
     let mut execution = 0;
     loop {
-        release += timing.period;
+        release = machine.release(release + timing.period);
         wait_until(release, *spin);
-        let late = now() - release;
+        let late = now().saturating_sub(release);
         timing.released(late);
         let missed = late / timing.period;
         release += missed * timing.period;

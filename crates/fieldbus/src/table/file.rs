@@ -19,6 +19,18 @@ struct File {
     commanded: Vec<Commanded>,
 }
 
+/// What of a crane file is read here.
+#[derive(Deserialize)]
+struct CraneFile {
+    machine: Option<Machine>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Machine {
+    ethercat: Option<File>,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Bus {
@@ -179,19 +191,37 @@ impl Table {
     ///
     /// [`TableError`] with file, line and key of each problem, what was read and what is allowed.
     pub fn parse(file: &str, text: &str) -> Result<Self, TableError> {
-        let mut problems = Problems::new(file, text);
+        let problems = Problems::new(file, text, &[]);
         let read: File = toml::from_str(text).map_err(|error| problems.syntax(&error))?;
+        Self::checked(&read, problems)
+    }
+
+    /// Reads the table `[machine.ethercat]` from the text of a crane file; none where it has none.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn parse_in_crane_file(file: &str, text: &str) -> Result<Option<Self>, TableError> {
+        let problems = Problems::new(file, text, &["machine", "ethercat"]);
+        let read: CraneFile = toml::from_str(text).map_err(|error| problems.syntax(&error))?;
+        let table = read.machine.and_then(|machine| machine.ethercat);
+        table.map(|read| Self::checked(&read, problems)).transpose()
+    }
+
+    /// The table that was read, where nothing is wrong with it.
+    fn checked(read: &File, problems: Problems<'_>) -> Result<Self, TableError> {
+        let mut problems = problems;
         let bus = bus(&read.bus, &mut problems);
         let devices: Vec<DeviceRow> = read
             .device
             .iter()
             .enumerate()
-            .map(|(at, row)| device(at, row, &read, &bus, &mut problems))
+            .map(|(at, row)| device(at, row, read, &bus, &mut problems))
             .collect();
         sizes(&devices, &mut problems);
-        let measured = measured(&read, &devices, &mut problems);
-        let commanded = commanded(&read, &devices, &mut problems);
-        let drives = drives(&read, &devices, &commanded, &mut problems);
+        let measured = measured(read, &devices, &mut problems);
+        let commanded = commanded(read, &devices, &mut problems);
+        let drives = drives(read, &devices, &commanded, &mut problems);
         problems.into_result(Self { bus, devices, measured, commanded, drives })
     }
 }

@@ -50,6 +50,13 @@ impl BusSettings {
     pub fn delay(&self) -> u32 {
         3 - self.exchanges
     }
+
+    /// Time from SYNC0 to the begin of a control period \[ns\]: a third of the time from the first exchange to what
+    /// the command has to be there for, so that the answer has come, and most of the time is left to compute.
+    pub fn control(&self) -> u64 {
+        let end = if self.exchanges == 2 { self.send } else { self.period + self.exchange };
+        self.exchange + (end - self.exchange) / 3
+    }
 }
 
 /// Synchronisation of a device.

@@ -41,12 +41,14 @@ impl From<usize> for Part {
 pub(super) struct Problems<'a> {
     file: &'a str,
     text: &'a str,
+    /// Names around the table in its file.
+    around: &'static [&'static str],
     found: Vec<String>,
 }
 
 impl<'a> Problems<'a> {
-    pub(super) fn new(file: &'a str, text: &'a str) -> Self {
-        Self { file, text, found: Vec::new() }
+    pub(super) fn new(file: &'a str, text: &'a str, around: &'static [&'static str]) -> Self {
+        Self { file, text, around, found: Vec::new() }
     }
 
     /// What the reader of TOML found; it shows the line itself.
@@ -56,8 +58,10 @@ impl<'a> Problems<'a> {
 
     /// A problem of a key.
     pub(super) fn add(&mut self, key: &[Part], message: &str) {
-        let line = line(self.text, key).map_or_else(String::new, |line| format!(":{line}"));
-        self.found.push(format!("{}{line}: {}: {message}", self.file, path(key)));
+        let around = self.around.iter().map(|name| Part::Name(name));
+        let key: Vec<Part> = around.chain(key.iter().copied()).collect();
+        let line = line(self.text, &key).map_or_else(String::new, |line| format!(":{line}"));
+        self.found.push(format!("{}{line}: {}: {message}", self.file, path(&key)));
     }
 
     /// A value of a key that is out of range.

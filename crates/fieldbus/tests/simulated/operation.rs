@@ -61,6 +61,14 @@ fn a_command_acts_as_many_periods_after_its_measurement_as_the_table_says() {
         let at = steps.iter().position(|speed| *speed > 1.0).unwrap();
         // the command was the answer to measurement 50, which is at 49
         assert_eq!(at - 49, bus.table().bus.delay() as usize, "{exchanges} exchanges");
+        // and so it is measured
+        let delay = bus.delay().unwrap();
+        assert_eq!(delay.total, f64::from(bus.table().bus.delay()), "{exchanges} exchanges");
+        // by the reference clock: the second exchange, or the first, before the next SYNC0
+        let bus_times = &bus.table().bus;
+        let sent = if exchanges == 2 { bus_times.send } else { bus_times.exchange };
+        let margin = bus.times().margin.value_at_quantile(0.5);
+        assert!(margin.abs_diff(bus_times.period - sent) < 5_000, "{margin} ns");
     }
 }
 

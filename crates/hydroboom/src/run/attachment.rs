@@ -1,7 +1,10 @@
-//! Attachment of a machine in another process on the local interface: waiting for it, and the report.
+//! A machine that is attached: one in another process, over the local interface, or devices on a bus.
 
+use super::bus;
 use crate::output;
 use hydroboom_description::Description;
+use hydroboom_fieldbus::bus_task::BusReport as FieldbusReport;
+use hydroboom_fieldbus::bus_task::BusThread as FieldbusThread;
 use hydroboom_realtime::bus_task::{BusReport, BusTask, BusThread};
 use hydroboom_realtime::control_task::ControlTask;
 use hydroboom_realtime::desk::Desk;
@@ -9,6 +12,7 @@ use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
 use hydroboom_realtime::local_lockstep::LocalLockstep;
 use hydroboom_realtime::local_machine::LocalMachine;
 use hydroboom_realtime::lockstep::{self, Pace};
+use hydroboom_realtime::machine::Machine;
 use hydroboom_realtime::session::Lookout;
 use hydroboom_realtime::simulation_task::SimulationTask;
 use miette::{IntoDiagnostic, Result, miette};
@@ -53,54 +57,100 @@ pub fn wait_for_machine(bus: &mut BusTask, desk: &Desk) -> Result<bool> {
     Ok(true)
 }
 
-/// Attachment of a session that has begun.
+/// A machine that is there, with the control task's side.
 pub enum Attached {
-    /// In simulated time: both ends alternate.
-    InLockstep(Box<BusTask>),
+    /// In simulated time: both ends take turns.
+    InLockstep(Box<BusTask>, LocalMachine),
     /// In real time: a thread of its own answers the machine.
-    InRealTime(BusThread),
+    InRealTime(BusThread, Box<dyn Machine>),
+    /// Devices on a bus, with which a thread of its own exchanges frames.
+    OnFieldbus(FieldbusThread, Box<dyn Machine>),
 }
 
+/// What an attachment came to.
+pub enum Came {
+    /// The local interface.
+    Local(BusReport),
+    /// A bus.
+    Fieldbus(Box<FieldbusReport>),
+}
+
+/// Deadlines, in real time, and what the attachment came to.
+type Ran = Result<(Option<RealTime>, Option<Came>)>;
+
 impl Attached {
-    /// Attachment with the controller's end.
-    pub fn begin(bus: BusTask, is_in_simulated_time: bool) -> Self {
+    /// With the controller's end.
+    pub fn begin(bus: BusTask, side: LocalMachine, is_in_simulated_time: bool) -> Self {
         match is_in_simulated_time {
-            true => Self::InLockstep(Box::new(bus)),
-            false => Self::InRealTime(bus.spawn(Placement::default().control_core)),
+            true => Self::InLockstep(Box::new(bus), side),
+            false => {
+                let thread = bus.spawn(Placement::default().control_core);
+                Self::InRealTime(thread, Box::new(side))
+            }
         }
     }
 
-    /// Runs until the session is over; returns the deadline statistics, in real time, and the attachment's
-    /// report.
+    /// Runs until the session is over.
     pub fn run(
         self,
         model: &Description,
         (control, simulation): (ControlTask, SimulationTask),
-        side: LocalMachine,
         lookout: Lookout<'_>,
         pace: Pace,
-    ) -> Result<(Option<RealTime>, Option<BusReport>)> {
+    ) -> Ran {
         let n = &model.numbers;
         let periods = (n.simulation_period, n.control_period);
+        let in_real_time = |machine: Box<dyn Machine>, lookout| {
+            let placement = Placement::default();
+            let tasks = Tasks { control, simulation, machine, periods, placement };
+            executive::run(tasks, lookout, &mut |_| ()).into_diagnostic()
+        };
         match self {
-            Self::InLockstep(bus) => {
+            Self::InLockstep(bus, side) => {
                 let mut run = LocalLockstep::new((control, simulation), (*bus, side), periods);
                 let Ok(_) = lockstep::attend(&mut run, lookout, pace);
-                Ok((None, Some(BusReport::of(&run.bus.endpoint, Vec::new()))))
+                let came = BusReport::of(&run.bus.endpoint, Vec::new());
+                Ok((None, Some(Came::Local(came))))
             }
-            Self::InRealTime(bus) => {
-                let machine = Box::new(side);
-                let placement = Placement::default();
-                let tasks = Tasks { control, simulation, machine, periods, placement };
-                let real_time = executive::run(tasks, lookout, &mut |_| ()).into_diagnostic()?;
-                Ok((Some(real_time), bus.end()))
+            Self::InRealTime(bus, machine) => {
+                let real_time = in_real_time(machine, lookout)?;
+                Ok((Some(real_time), bus.end().map(Came::Local)))
+            }
+            Self::OnFieldbus(bus, machine) => {
+                let real_time = in_real_time(machine, lookout)?;
+                Ok((Some(real_time), bus.end().map(Box::new).map(Came::Fieldbus)))
             }
         }
     }
 }
 
-/// Report as JSON.
-pub fn json(report: &BusReport) -> Value {
+impl Came {
+    /// For machines.
+    pub fn json(&self) -> Value {
+        match self {
+            Self::Local(report) => json(report),
+            Self::Fieldbus(report) => bus::json(report),
+        }
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Local(report) => text(report),
+            Self::Fieldbus(report) => bus::text(report),
+        }
+    }
+
+    /// The bus's own fault, in a sentence with what to do.
+    pub fn fault(&self) -> Option<&str> {
+        match self {
+            Self::Local(_) => None,
+            Self::Fieldbus(report) => report.fault.as_ref().map(|(_, sentence)| sentence.as_str()),
+        }
+    }
+}
+
+fn json(report: &BusReport) -> Value {
     let BusReport { counters, refused, link, remarks } = report;
     json!({
         "accepted": counters.accepted, "lost": counters.lost, "malformed": counters.malformed,
@@ -112,8 +162,7 @@ pub fn json(report: &BusReport) -> Value {
     })
 }
 
-/// Report as text.
-pub fn text(report: &BusReport) -> String {
+fn text(report: &BusReport) -> String {
     let BusReport { counters, refused, link, remarks } = report;
     let mut said = format!(
         "Local interface: {} measurements accepted, {} lost",

@@ -1,6 +1,7 @@
 //! `hydroboom run`
 
 mod attachment;
+mod bus;
 mod page;
 mod process;
 mod replay;
@@ -10,11 +11,12 @@ mod watch;
 use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
 use crate::machine_argument::MachineArgument;
-use crate::machine_choice::MachineChoice;
+use crate::machine_choice::{MachineChoice, Source};
 use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::virtual_crane::strategies;
+use attachment::{Attached, Came};
 use clap::Args;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -25,9 +27,10 @@ use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_design::stability::stability_of;
+use hydroboom_fieldbus::raw_socket::RawSocket;
+use hydroboom_fieldbus::table::Table;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
-use hydroboom_realtime::bus_task::BusReport;
 use hydroboom_realtime::control_task::{ControlTask, Fallback};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
@@ -52,22 +55,26 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
-    hydroboom run --machine udp:8150\n  hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy scheduled-lqr\n\n\
+    hydroboom run --machine udp:8150\n  hydroboom run --machine ethercat:eth1 --bus bus.toml\n  hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy scheduled-lqr\n\n\
     Ctrl-C stops under control, a second Ctrl-C holds the load at once.\n\
     The supervisor is no safety function in the sense of ISO 13849: at a real machine a hardware \
     emergency stop stays.")]
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// The machine: virtual or virtual:FILE, the virtual crane (of that crane file), or udp:PORT, another process
-    /// that speaks the local interface (docs/reference/machine-interface.md). A bare FILE is
-    /// virtual:FILE; when not given, it is the virtual crane of the crane file (typical drive, valve,
+    /// The machine: virtual or virtual:FILE, the virtual crane (of that crane file); udp:PORT, another process
+    /// that speaks the local interface (docs/reference/machine-interface.md); or ethercat:INTERFACE, devices at that
+    /// network interface (docs/reference/ethercat-table.md). A bare FILE is virtual:FILE; when not given, it is the virtual crane of the crane file (typical drive, valve,
     /// sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(
-        long = "machine", visible_alias = "plant", value_name = "virtual[:FILE]|udp:PORT|FILE",
+        long = "machine", visible_alias = "plant", value_name = "virtual[:FILE]|udp:PORT|ethercat:INTERFACE|FILE",
         value_parser = MachineArgument::parser()
     )]
     machine: Option<MachineArgument>,
+    /// With ethercat:INTERFACE: table of the devices on the bus and of their signals
+    /// (docs/reference/ethercat-table.md); the table [machine.ethercat] of the crane file when not given.
+    #[arg(long, value_name = "FILE")]
+    bus: Option<InputFile>,
     /// How the motor's speed is found.
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
     strategy: Strategy,
@@ -145,17 +152,20 @@ impl Run {
         if let Some(log) = &self.replay {
             return replay::replay(&model, log, self.json);
         }
-        let port = match self.machine {
-            Some(MachineArgument::Udp(port)) => Some(port),
-            Some(MachineArgument::Virtual(_)) | None => None,
-        };
-        let cranes = match port {
-            Some(port) => Cranes::attached(model, port),
-            None => {
+        let bus = self.open_bus(&model)?;
+        let cranes = match &self.machine {
+            Some(MachineArgument::Udp(port)) => {
+                Cranes::attached(model, Source::Udp, format!("udp:{port}"))
+            }
+            Some(MachineArgument::EtherCat(interface)) => {
+                Cranes::attached(model, Source::EtherCat, format!("ethercat:{interface}"))
+            }
+            Some(MachineArgument::Virtual(_)) | None => {
                 let file = self.machine.as_ref().and_then(MachineArgument::file);
                 Cranes::of(model, &self.crane, file)?
             }
         };
+        let is_attached = cranes.source.is_attached();
         let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
         let strategy = self.strategy;
         let then = self.then.unwrap_or(strategy);
@@ -179,35 +189,40 @@ impl Run {
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
         let limits = self.limits(&cranes.model)?;
         let retained = self.retained(&cranes.model)?;
-        let is_needless = self.simulated_time || self.dashboard.is_some() || port.is_some();
+        let is_needless = self.simulated_time || self.dashboard.is_some() || is_attached;
         let alone = cranes.beforehand(&wanted, switch, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
         let begin = (strategy, limits, retained);
-        let attached = match port {
-            Some(port) => {
-                if !wanted.hung.is_empty() {
-                    output::note(
-                        "the loads that the scenario hangs on are for somebody at the machine to hang on",
-                    );
-                }
+        if is_attached && !wanted.hung.is_empty() {
+            output::note(
+                "the loads that the scenario hangs on are for somebody at the machine to hang on",
+            );
+        }
+        let attached = match (&self.machine, bus) {
+            (Some(MachineArgument::Udp(port)), _) => {
                 attend(&desk)?;
                 // everything is prepared before the session begins, because the machine must be answered
                 // from then on
                 let tasks = cranes.control_and_simulation(begin)?;
-                let (mut bus, side) = attachment::open(port, &cranes.model)?;
+                let (mut bus, side) = attachment::open(*port, &cranes.model)?;
                 if !attachment::wait_for_machine(&mut bus, &desk)? {
                     return Ok(());
                 }
-                Some((tasks, attachment::Attached::begin(bus, self.simulated_time), side))
+                Some((tasks, Attached::begin(bus, side, self.simulated_time)))
             }
-            None => None,
+            (Some(MachineArgument::EtherCat(interface)), Some((table, socket))) => {
+                attend(&desk)?;
+                let tasks = cranes.control_and_simulation(begin)?;
+                Some((tasks, bus::start(interface, table, socket)?))
+            }
+            _ => None,
         };
         let mut watch = self.watch(&cranes, &desk, wanted, switch)?;
         let lookout = Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
         let (real_time, bus) = match (attached, self.simulated_time) {
-            (Some((tasks, attached, side)), _) => {
+            (Some((tasks, attached)), _) => {
                 let pace = if self.dashboard.is_some() { Pace::Clock } else { Pace::Free };
-                attached.run(&cranes.model, tasks, side, lookout, pace)?
+                attached.run(&cranes.model, tasks, lookout, pace)?
             }
             (None, true) => {
                 let (strategy, limits, retained) = begin;
@@ -239,7 +254,26 @@ impl Run {
         recorded.and(concluded)
     }
 
-    /// Supervision limits of the crane, with the flow monitor narrowed to a baseline if one is named.
+    /// Table and network interface of a bus, where the machine is on one.
+    fn open_bus(&self, model: &Description) -> Result<Option<(Table, RawSocket)>> {
+        match (&self.machine, &self.bus) {
+            (Some(MachineArgument::EtherCat(_)), _) if self.simulated_time => Err(miette!(
+                help = "leave --simulated-time out; virtual and udp:PORT run in simulated time",
+                "devices on a bus have clocks of their own, and cannot run in simulated time"
+            )),
+            (Some(MachineArgument::EtherCat(interface)), file) => {
+                let table = bus::table(file.as_deref(), &self.crane, model)?;
+                Ok(Some((table, bus::open(interface)?)))
+            }
+            (_, Some(_)) => Err(miette!(
+                help = "name the interface, as in --machine ethercat:eth1",
+                "--bus is the table of devices at a network interface, and the machine is none"
+            )),
+            (_, None) => Ok(None),
+        }
+    }
+
+    /// Limits of the crane, its delivered flow against the baseline where one is named.
     fn limits(&self, model: &Description) -> Result<Limits> {
         let mut limits = limits(model, model.numbers.fast).into_diagnostic()?;
         if let Some(path) = &self.baseline {
@@ -355,7 +389,7 @@ impl Run {
             scenarios: scenarios(&cranes.machine).iter().map(|s| s.name.to_string()).collect(),
             speeds_mm_s: cranes.speeds_mm_s(),
             first: Choice { strategy: self.strategy, course: self.chosen_course(cranes) },
-            is_virtual: !matches!(self.machine, Some(MachineArgument::Udp(_))),
+            is_virtual: !cranes.source.is_attached(),
             in_real_time: !self.simulated_time,
         };
         let dashboard = Dashboard::open(address, self.allow_remote, &setup, Arc::clone(desk))
@@ -381,7 +415,7 @@ impl Run {
         cranes: &Cranes,
         watch: &Watch,
         simulated: Option<&CourseResult>,
-        (real_time, bus): (Option<&RealTime>, Option<&BusReport>),
+        (real_time, bus): (Option<&RealTime>, Option<&Came>),
     ) -> Result<()> {
         let results = &watch.results;
         let report = Report {
@@ -432,8 +466,12 @@ impl Run {
             Some(MachineStatus::Fault { code }) => format!(", the machine's code {code:#06x}"),
             _ => String::new(),
         };
+        let advice = match bus.and_then(Came::fault) {
+            Some(sentence) => sentence.to_string(),
+            None => fault.cause.advice().to_string(),
+        };
         Err(miette!(
-            help = fault.cause.advice(),
+            help = advice,
             "the supervisor stopped it at {:.3} s: {}{reported}",
             fault.time,
             fault.cause.code()

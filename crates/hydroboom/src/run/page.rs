@@ -31,7 +31,7 @@ pub fn run_page(
 ) -> Result<Page, LabError> {
     let body = html! {
         p.soft {
-            @if matches!(cranes.source, Source::Attached(_)) {
+            @if cranes.source.is_attached() {
                 "The machine is \"" (cranes.name()) "\", another process: what is measured is what it sent."
             } @else {
                 "The machine is \"" (cranes.name()) "\", simulated, which stands in for a real one: nothing here is a "

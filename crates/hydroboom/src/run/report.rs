@@ -1,12 +1,11 @@
 //! Report of a run as text and JSON.
 
-use super::attachment;
+use super::attachment::Came;
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
-use hydroboom_realtime::bus_task::BusReport;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use serde_json::{Value, json};
@@ -25,8 +24,8 @@ pub struct Report<'a> {
     pub synchronised: u32,
     /// Deadline statistics.
     pub real_time: Option<&'a RealTime>,
-    /// Report of the attachment of a machine in another process.
-    pub bus: Option<&'a BusReport>,
+    /// What the attachment of a machine came to.
+    pub bus: Option<&'a Came>,
 }
 
 /// End of a course.
@@ -74,7 +73,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "plant": self.cranes.json(), "attachment": self.bus.map(attachment::json),
+            "plant": self.cranes.json(), "attachment": self.bus.map(Came::json),
         })
     }
 
@@ -127,7 +126,7 @@ impl Report<'_> {
             said += &format!("\n{SENSORS_ONLY}");
         }
         if let Some(bus) = self.bus {
-            said += &format!("\n{}", attachment::text(bus));
+            said += &format!("\n{}", bus.text());
         }
         if let Some(equality) = self.cranes.equality() {
             said += &format!("\n{equality}");

@@ -1,0 +1,131 @@
+//! Bus task: a thread of its own that starts the bus, exchanges frames in step with SYNC0, and ends it.
+//!
+//! It sleeps until a frame is due, and until its answer is there. The control task has a [`FieldbusMachine`], which
+//! touches atomics only. Devices stop where frames stay away, so the thread that starts them goes on with them.
+
+use crate::bus::{Bus, Counters, Times};
+use crate::check::DeviceFacts;
+use crate::fault::Fault;
+use crate::link::Link;
+use crate::machine::FieldbusMachine;
+use crate::start_up::StartError;
+use crate::table::Table;
+use hydroboom_realtime::failure::{guarded, hand_panics_on, unwind_once};
+use hydroboom_realtime::machine::Delay;
+use hydroboom_realtime::posix::{pin_to, run_first};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Sender, channel};
+use std::thread::{self, JoinHandle};
+
+/// Priority under SCHED_FIFO: between the simulation and the control task, whose core it shares.
+const PRIORITY: i32 = 75;
+
+/// What a bus came to.
+#[derive(Clone, Debug)]
+pub struct BusReport {
+    /// What was counted.
+    pub counters: Counters,
+    /// Working counter of a right exchange.
+    pub working_counter: u16,
+    /// What was measured of times.
+    pub times: Times,
+    /// Delays; none where no command has acted.
+    pub delay: Option<Delay>,
+    /// The fault that stopped the machine, in a sentence with what to do.
+    pub fault: Option<(Fault, String)>,
+    /// What was not granted or failed.
+    pub remarks: Vec<String>,
+}
+
+/// A bus in OP, in a thread of its own.
+#[derive(Debug)]
+pub struct BusThread {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Option<BusReport>>,
+}
+
+/// What a start hands over: the control task's side, and what the devices say of themselves.
+type Started = Result<(FieldbusMachine, Vec<DeviceFacts>), StartError>;
+
+impl BusThread {
+    /// Starts the bus of a table on a link, in a thread on a core; returns once it is in OP.
+    ///
+    /// # Errors
+    ///
+    /// [`StartError`], which says what to do.
+    pub fn start<L: Link + Send + 'static>(
+        table: Table,
+        link: L,
+        core: usize,
+    ) -> Result<(Self, FieldbusMachine, Vec<DeviceFacts>), StartError> {
+        hand_panics_on();
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let (started, answer) = channel();
+        let thread = thread::spawn(move || run(table, link, core, &stopped, &started));
+        match answer.recv() {
+            Ok(Ok((machine, facts))) => Ok((Self { stop, thread }, machine, facts)),
+            Ok(Err(error)) => Err(error),
+            Err(_) => Err(StartError::Failed("the bus task ended by itself".into())),
+        }
+    }
+
+    /// Whether its thread has ended by itself.
+    pub fn has_ended(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Switches the drives off, brings the devices to INIT, and ends; none where the task failed beyond its cycle.
+    pub fn end(self) -> Option<BusReport> {
+        self.stop.store(true, Ordering::Release);
+        self.thread.join().ok().flatten()
+    }
+}
+
+/// The bus task; none where the bus did not start.
+fn run<L: Link>(
+    table: Table,
+    link: L,
+    core: usize,
+    stop: &AtomicBool,
+    started: &Sender<Started>,
+) -> Option<BusReport> {
+    unwind_once();
+    let mut remarks = Vec::new();
+    if let Err(error) = pin_to(core) {
+        remarks.push(format!("the bus task is not pinned to core {core} ({error})"));
+    }
+    if let Err(error) = run_first(PRIORITY) {
+        remarks.push(format!(
+            "the bus task has no real-time priority ({error}): others may come first"
+        ));
+    }
+    let mut bus = match Bus::start(table, link) {
+        Ok(bus) => bus,
+        Err(error) => {
+            // who would hear it has ended
+            let _ = started.send(Err(error));
+            return None;
+        }
+    };
+    let machine = bus.take_machine()?;
+    let _ = started.send(Ok((machine, bus.facts().to_vec())));
+    let cycle = guarded(|| {
+        while !stop.load(Ordering::Acquire) {
+            bus.cycle();
+        }
+        bus.end();
+    });
+    if let Err(why) = cycle {
+        remarks.push(format!("the bus task failed, and the devices' watchdogs acted: {why}"));
+    }
+    Some(BusReport {
+        counters: bus.counters(),
+        working_counter: bus.working_counter(),
+        times: bus.times().clone(),
+        delay: bus.delay(),
+        fault: bus.fault().zip(bus.fault_sentence()),
+        remarks,
+    })
+}
