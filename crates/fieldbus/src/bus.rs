@@ -12,8 +12,10 @@
 //! to brake.
 
 use crate::check::DeviceFacts;
+use crate::cycle_record::{CycleRecord, Exchange, number};
 use crate::drive::{Drive, Wanted};
 use crate::fault::{Fault, LossWindow};
+use crate::frame_ring::FrameRing;
 use crate::link::Link;
 use crate::machine::{BusSide, FieldbusMachine, Taken, hand_over};
 use crate::pace::Pace;
@@ -27,6 +29,7 @@ use hydroboom_control::command::Command;
 use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
 use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_realtime::machine::{Delay, Incoming, Link as Attachment, Outgoing};
+use rtrb::{Consumer, Producer, RingBuffer};
 
 /// Periods without a new command after which the safe command is sent.
 const COMMAND_PERIODS: u32 = 2;
@@ -36,6 +39,8 @@ const MARGIN: u64 = 50_000;
 const LONGEST: u64 = 1_000_000_000;
 /// Delays are means over about so many commands.
 const AVERAGED: f64 = 256.0;
+/// Records on their way to the log, at most: four seconds at 1 ms.
+const RECORDS: usize = 4096;
 /// State INIT, as it is requested.
 const INIT: u8 = 1;
 /// Frames by which devices are told to go to INIT, where the ones before were lost.
@@ -64,6 +69,8 @@ pub struct Counters {
     pub late_outputs: u64,
     /// Exchanges that this computer began more than half a period late.
     pub late_begins: u64,
+    /// Records of cycles that the log was too slow for.
+    pub records_lost: u64,
     /// Cycles in which a drive showed a warning (statusword bit 7).
     pub warnings: u64,
     /// Cycles in which a drive showed an active limit (statusword bit 11).
@@ -119,6 +126,9 @@ pub struct Bus<L> {
     counters: Counters,
     /// A device that left OP: its reason is still to be read.
     dropped: Option<u16>,
+    record: CycleRecord,
+    /// Where records go; none where nobody asked for them.
+    records: Option<Producer<CycleRecord>>,
 }
 
 /// What the exchanges of a cycle showed.
@@ -180,7 +190,22 @@ impl<L: Link> Bus<L> {
             cycle: Seen::default(),
             counters: Counters::default(),
             dropped: None,
+            record: CycleRecord::default(),
+            records: None,
         }
+    }
+
+    /// The records of the cycles from now on, for an ordinary thread that takes them out now and then; those for which
+    /// there is no room are counted.
+    pub fn records(&mut self) -> Consumer<CycleRecord> {
+        let (records, taken) = RingBuffer::new(RECORDS);
+        self.records = Some(records);
+        taken
+    }
+
+    /// The newest frames; after a fault those before it.
+    pub fn frames(&self) -> &FrameRing {
+        &self.wire.frames
     }
 
     /// The machine, for the control task; it is given once.
@@ -269,6 +294,23 @@ impl<L: Link> Bus<L> {
             self.stop(Fault::WorkingCounter);
         }
         self.side.show(self.drives.iter().all(Drive::is_enabled), self.fault());
+        self.push_record();
+    }
+
+    /// Hands the record of the cycle on, and begins the next.
+    fn push_record(&mut self) {
+        let mut record = std::mem::take(&mut self.record);
+        self.record.states = record.states;
+        let Some(records) = &mut self.records else { return };
+        record.measurement = self.number;
+        record.sync0 = [self.pace.in_cycle(0), self.pace.system];
+        for (shown, drive) in record.drives.iter_mut().zip(&self.drives) {
+            *shown = [drive.statusword(), drive.error()];
+        }
+        record.fault = self.fault.map(|(fault, _)| fault);
+        if records.push(record).is_err() {
+            self.counters.records_lost += 1;
+        }
     }
 
     /// Starts anew from INIT after a fault that devices do not come back from by themselves: a person has mended the
@@ -278,10 +320,10 @@ impl<L: Link> Bus<L> {
     ///
     /// [`StartError`], which says what to do.
     pub fn restart_by_a_person(self) -> Result<Self, StartError> {
-        let Self { table, wire, side, machine, .. } = self;
+        let Self { table, wire, side, machine, records, .. } = self;
         let mut bus = Self::start_on(table, wire)?;
-        // the control task keeps its machine
-        (bus.side, bus.machine) = (side, machine);
+        // the control task keeps its machine, and the log its queue
+        (bus.side, bus.machine, bus.records) = (side, machine, records);
         Ok(bus)
     }
 
@@ -309,6 +351,16 @@ impl<L: Link> Bus<L> {
         };
         self.times.round_trip.saturating_record(now().saturating_sub(sent).max(1));
         self.time_outputs(answer.extra.dc_system_time, has_outputs);
+        let begin = self.cycle.sync0.unwrap_or_default();
+        // a cycle of one exchange has it with its outputs
+        let place = usize::from(has_outputs && self.table.bus.exchanges == 2);
+        self.record.exchanges[place] = Exchange {
+            phase: Some(answer.extra.dc_system_time.saturating_sub(begin) as u32),
+            working_counter: Some(answer.working_counter),
+        };
+        for (shown, state) in self.record.states.iter_mut().zip(&answer.subdevice_states) {
+            *shown = number(*state);
+        }
         if answer.working_counter != self.working_counter {
             self.counters.low += 1;
             self.cycle.is_low = true;
@@ -402,6 +454,7 @@ impl<L: Link> Bus<L> {
     /// The first fault stands.
     fn stop(&mut self, fault: Fault) {
         self.fault.get_or_insert((fault, now()));
+        self.wire.frames.freeze(true);
     }
 
     /// Hands over what was measured.
@@ -492,6 +545,7 @@ impl<L: Link> Bus<L> {
             return;
         }
         self.fault = None;
+        self.wire.frames.freeze(false);
         // they count from the next one at rest
         self.command = None;
         self.lost.clear();

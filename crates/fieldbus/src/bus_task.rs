@@ -5,14 +5,17 @@
 
 use crate::bus::{Bus, Counters, Times};
 use crate::check::DeviceFacts;
+use crate::cycle_record::CycleRecord;
 use crate::fault::Fault;
 use crate::link::Link;
 use crate::machine::FieldbusMachine;
 use crate::start_up::StartError;
 use crate::table::Table;
+use crate::time::now;
 use hydroboom_realtime::failure::{guarded, hand_panics_on, unwind_once};
 use hydroboom_realtime::machine::Delay;
 use hydroboom_realtime::posix::{pin_to, run_first};
+use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -34,8 +37,23 @@ pub struct BusReport {
     pub delay: Option<Delay>,
     /// The fault that stopped the machine, in a sentence with what to do.
     pub fault: Option<(Fault, String)>,
+    /// The frames of the last two seconds before the fault, as pcapng; none without a fault.
+    pub frames: Option<Vec<u8>>,
     /// What was not granted or failed.
     pub remarks: Vec<String>,
+}
+
+/// A bus in OP.
+#[derive(Debug)]
+pub struct Started {
+    /// Its thread.
+    pub thread: BusThread,
+    /// The control task's side.
+    pub machine: FieldbusMachine,
+    /// What the devices say of themselves.
+    pub facts: Vec<DeviceFacts>,
+    /// Records of its cycles.
+    pub records: Consumer<CycleRecord>,
 }
 
 /// A bus in OP, in a thread of its own.
@@ -45,8 +63,8 @@ pub struct BusThread {
     thread: JoinHandle<Option<BusReport>>,
 }
 
-/// What a start hands over: the control task's side, and what the devices say of themselves.
-type Started = Result<(FieldbusMachine, Vec<DeviceFacts>), StartError>;
+/// What the thread of a bus hands over once it is in OP.
+type HandOver = Result<(FieldbusMachine, Vec<DeviceFacts>, Consumer<CycleRecord>), StartError>;
 
 impl BusThread {
     /// Starts the bus of a table on a link, in a thread on a core; returns once it is in OP.
@@ -58,14 +76,16 @@ impl BusThread {
         table: Table,
         link: L,
         core: usize,
-    ) -> Result<(Self, FieldbusMachine, Vec<DeviceFacts>), StartError> {
+    ) -> Result<Started, StartError> {
         hand_panics_on();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let (started, answer) = channel();
         let thread = thread::spawn(move || run(table, link, core, &stopped, &started));
         match answer.recv() {
-            Ok(Ok((machine, facts))) => Ok((Self { stop, thread }, machine, facts)),
+            Ok(Ok((machine, facts, records))) => {
+                Ok(Started { thread: Self { stop, thread }, machine, facts, records })
+            }
             Ok(Err(error)) => Err(error),
             Err(_) => Err(StartError::Failed("the bus task ended by itself".into())),
         }
@@ -89,7 +109,7 @@ fn run<L: Link>(
     link: L,
     core: usize,
     stop: &AtomicBool,
-    started: &Sender<Started>,
+    started: &Sender<HandOver>,
 ) -> Option<BusReport> {
     unwind_once();
     let mut remarks = Vec::new();
@@ -110,7 +130,8 @@ fn run<L: Link>(
         }
     };
     let machine = bus.take_machine()?;
-    let _ = started.send(Ok((machine, bus.facts().to_vec())));
+    let records = bus.records();
+    let _ = started.send(Ok((machine, bus.facts().to_vec(), records)));
     let cycle = guarded(|| {
         while !stop.load(Ordering::Acquire) {
             bus.cycle();
@@ -126,6 +147,7 @@ fn run<L: Link>(
         times: bus.times().clone(),
         delay: bus.delay(),
         fault: bus.fault().zip(bus.fault_sentence()),
+        frames: bus.fault().map(|_| bus.frames().pcapng(now())),
         remarks,
     })
 }

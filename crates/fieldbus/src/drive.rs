@@ -27,6 +27,7 @@ pub(crate) struct Drive {
     pub(crate) row: DriveRow,
     state: DriveState,
     statusword: u16,
+    error: u16,
     has_open_stop_circuit: bool,
     /// Whether it was enabled, so that switching off by itself is a fault.
     was_enabled: bool,
@@ -42,6 +43,7 @@ impl Drive {
             row,
             state: DriveState::NotReady,
             statusword: 0,
+            error: 0,
             has_open_stop_circuit: false,
             was_enabled: false,
             ignoring: 0,
@@ -54,6 +56,7 @@ impl Drive {
         let row = &self.row;
         let device = row.device as u16;
         self.statusword = row.statusword.read(inputs) as u16;
+        self.error = row.error.map_or(0, |place| place.read(inputs) as u16);
         self.state = DriveState::of(self.statusword);
         self.has_open_stop_circuit = row.stop_circuit.is_some_and(|bits| bits.is_set(inputs));
         let was_enabled =
@@ -63,8 +66,7 @@ impl Drive {
             if self.reset > 0 {
                 return None;
             }
-            let code = row.error.map_or(0, |place| place.read(inputs) as u16);
-            return Some(Fault::Drive { device, code });
+            return Some(Fault::Drive { device, code: self.error });
         }
         let has_mode = row.mode_display.read(inputs) as u8 as i8 == CYCLIC_VELOCITY;
         let follows = status_bit::REMOTE | status_bit::FOLLOWS_TARGET;
@@ -115,6 +117,11 @@ impl Drive {
 
     pub(crate) fn statusword(&self) -> u16 {
         self.statusword
+    }
+
+    /// Its error code; 0 where it has none, or does not show it.
+    pub(crate) fn error(&self) -> u16 {
+        self.error
     }
 }
 

@@ -11,6 +11,7 @@
 
 use crate::bus::{Bus, Times};
 use crate::check::{DeviceFacts, mismatches};
+use crate::frame_ring::FrameRing;
 use crate::link::Link;
 use crate::pace::Pace;
 use crate::sii;
@@ -77,12 +78,15 @@ impl<L: Link> Bus<L> {
     ///
     /// [`StartError`], which says what to do.
     pub fn start(table: Table, link: L) -> Result<Self, StartError> {
-        let wire = Wire::new(link, MainDeviceConfig::default())
+        let frames = FrameRing::of(&table);
+        let wire = Wire::new(link, MainDeviceConfig::default(), frames)
             .map_err(|error| failed("the main device could not be made", error))?;
         Self::start_on(table, wire)
     }
 
     pub(crate) fn start_on(table: Table, mut wire: Wire<L>) -> Result<Self, StartError> {
+        // of an earlier start
+        wire.frames.freeze(false);
         let times = Times::new()
             .ok_or_else(|| StartError::Failed("no memory for the timing histograms".into()))?;
         let main = wire.main;

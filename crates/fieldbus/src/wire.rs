@@ -1,5 +1,6 @@
 //! Exchange of frames: futures of the main device are polled by hand, and what they want sent goes over the link.
 
+use crate::frame_ring::FrameRing;
 use crate::link::Link;
 use crate::time::{forget_timers, next_timer, now};
 use ethercrab::error::Error;
@@ -29,19 +30,21 @@ pub(crate) struct Wire<L> {
     buffer: [u8; LARGEST_FRAME],
     /// Frames that came and were not waited for: late, repeated, or somebody else's.
     pub(crate) unexpected: u64,
+    /// The newest frames.
+    pub(crate) frames: FrameRing,
 }
 
 impl<L: Link> Wire<L> {
     /// A main device on a link. Its storage of 11 kB stays until the process ends, as a main device has to outlive
     /// its frames.
-    pub(crate) fn new(link: L, config: MainDeviceConfig) -> Result<Self, Error> {
+    pub(crate) fn new(link: L, config: MainDeviceConfig, frames: FrameRing) -> Result<Self, Error> {
         let storage: &'static PduStorage<FRAMES, PAYLOAD> = Box::leak(Box::new(PduStorage::new()));
         // a new storage has not been split
         let (tx, rx, pdus) = storage.try_split().map_err(|()| Error::Internal)?;
         let timeouts =
             Timeouts { wait_loop_delay: Duration::from_micros(LOOK), ..Timeouts::default() };
         let main = Box::leak(Box::new(MainDevice::new(pdus, timeouts, config)));
-        Ok(Self { main, tx, rx, link, buffer: [0; LARGEST_FRAME], unexpected: 0 })
+        Ok(Self { main, tx, rx, link, buffer: [0; LARGEST_FRAME], unexpected: 0, frames })
     }
 
     /// Polls a future until it is ready.
@@ -74,9 +77,10 @@ impl<L: Link> Wire<L> {
             return Some(output);
         }
         while let Some(frame) = self.tx.next_sendable_frame() {
-            let link = &mut self.link;
+            let (link, frames) = (&mut self.link, &mut self.frames);
             // one that was not sent is lost like any other: the future's time runs out
             let _ = frame.send_blocking(|bytes| {
+                frames.keep(now(), bytes, true);
                 link.send(bytes);
                 Ok(bytes.len())
             });
@@ -84,6 +88,7 @@ impl<L: Link> Wire<L> {
         let until = next_timer().min(end).min(now().saturating_add(IDLE));
         if let Some(length) = self.link.receive(&mut self.buffer, until) {
             let frame = self.buffer.get(..length).unwrap_or(&self.buffer);
+            self.frames.keep(now(), frame, false);
             if self.rx.receive_frame(frame).is_err() {
                 self.unexpected += 1;
             }

@@ -29,6 +29,10 @@ use thiserror::Error;
 /// Time between two chunks \[s\].
 const CHUNK: f64 = 0.5;
 const TOPIC: &str = "/control";
+const CONTROL: &str = "hydroboom.Control";
+/// Topic of the cycles of a bus.
+const BUS_TOPIC: &str = "/bus";
+const BUS: &str = "hydroboom.Bus";
 
 /// Error of writing or reading a log.
 #[derive(Debug, Error)]
@@ -155,12 +159,47 @@ fn machine_state(record: &Record) -> &'static str {
     record.status.map_or("", MachineStatus::name)
 }
 
-/// Log being written.
+/// A topic of a log, of JSON messages.
+#[derive(Debug)]
+pub struct Topic {
+    channel: u16,
+    count: u32,
+}
+
+impl Topic {
+    /// The header of its next message, at a time \[s\].
+    fn next(&mut self, time: f64) -> MessageHeader {
+        let time = (time * 1e9).round() as u64;
+        let sequence = self.count;
+        self.count = self.count.wrapping_add(1);
+        let channel_id = self.channel;
+        MessageHeader { channel_id, sequence, log_time: time, publish_time: time }
+    }
+}
+
+/// Adds a topic whose messages have these fields, with their JSON types.
+fn add_topic(
+    writer: &mut Writer<NoSeek<BufWriter<Output>>>,
+    topic: &str,
+    title: &str,
+    fields: &[(&str, &str)],
+) -> Result<Topic, McapError> {
+    let properties: Map<String, Value> =
+        fields.iter().map(|(name, kind)| ((*name).to_string(), json!({ "type": kind }))).collect();
+    let schema = json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": title, "type": "object", "properties": properties,
+    });
+    let schema = writer.add_schema(title, "jsonschema", schema.to_string().as_bytes())?;
+    let channel = writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
+    Ok(Topic { channel, count: 0 })
+}
+
+/// A log being written.
 pub struct LogWriter {
     path: String,
     writer: Writer<NoSeek<BufWriter<Output>>>,
-    channel: u16,
-    count: u32,
+    topic: Topic,
     chunk_from: f64,
 }
 
@@ -183,20 +222,36 @@ impl LogWriter {
             .library(concat!("hydroboom ", env!("CARGO_PKG_VERSION")))
             .create(NoSeek::new(BufWriter::new(file)))
             .map_err(failed)?;
-        let properties: Map<String, Value> = fields()
-            .into_iter()
-            .map(|(name, kind)| (name.to_string(), json!({ "type": kind })))
-            .collect();
-        let schema = json!({
-            "$schema": "https://json-schema.org/draft/2020-12/schema",
-            "title": "hydroboom.Control", "type": "object", "properties": properties,
-        });
-        let schema = writer
-            .add_schema("hydroboom.Control", "jsonschema", schema.to_string().as_bytes())
-            .map_err(failed)?;
-        let channel =
-            writer.add_channel(schema, TOPIC, "json", &BTreeMap::new()).map_err(failed)?;
-        Ok(Self { path: name, writer, channel, count: 0, chunk_from: 0.0 })
+        let topic = add_topic(&mut writer, TOPIC, CONTROL, &fields()).map_err(failed)?;
+        Ok(Self { path: name, writer, topic, chunk_from: 0.0 })
+    }
+
+    /// Adds the topic of the cycles of a bus, whose messages have these fields with their JSON types. Readers of
+    /// control periods pass them over.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when it cannot be written.
+    pub fn add_bus_topic(&mut self, fields: &[(&str, &str)]) -> Result<Topic, LogError> {
+        add_topic(&mut self.writer, BUS_TOPIC, BUS, fields)
+            .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
+    }
+
+    /// Adds a message of a topic, at a time \[s since the executive began\].
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when it cannot be written; what was written stays readable.
+    pub fn add_message(
+        &mut self,
+        topic: &mut Topic,
+        time: f64,
+        message: Map<String, Value>,
+    ) -> Result<(), LogError> {
+        let data = Value::Object(message).to_string();
+        self.writer
+            .write_to_known_channel(&topic.next(time), data.as_bytes())
+            .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
     }
 
     /// Appends a record.
@@ -220,14 +275,7 @@ impl LogWriter {
         let fallback = record.fallback.map_or("", |cause| cause.name());
         message.insert("fallback_cause".into(), json!(fallback));
         message.insert("machine_state".into(), json!(machine_state(record)));
-        let time = (record.time * 1e9).round() as u64;
-        let header = MessageHeader {
-            channel_id: self.channel,
-            sequence: self.count,
-            log_time: time,
-            publish_time: time,
-        };
-        self.count = self.count.wrapping_add(1);
+        let header = self.topic.next(record.time);
         let data = Value::Object(message).to_string();
         let written = self.writer.write_to_known_channel(&header, data.as_bytes());
         let chunk_ends = record.time >= self.chunk_from + CHUNK;
@@ -337,7 +385,10 @@ fn messages(
     let mut count = 0_u64;
     let loss = mcap::messages(source, |message| {
         let schema = message.topic.schema.as_deref();
-        if schema.is_none_or(|schema| schema.name != "hydroboom.Control") {
+        if schema.is_some_and(|schema| schema.name == BUS) {
+            return Ok(());
+        }
+        if schema.is_none_or(|schema| schema.name != CONTROL) {
             return Err(Stop::Format(format!("a message on {}", message.topic.name)));
         }
         let value = serde_json::from_slice(message.data);

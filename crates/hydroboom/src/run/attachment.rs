@@ -141,6 +141,14 @@ impl Came {
         }
     }
 
+    /// The frames of a bus before its fault, as pcapng.
+    pub fn frames(&self) -> Option<&[u8]> {
+        match self {
+            Self::Local(_) => None,
+            Self::Fieldbus(report) => report.frames.as_deref(),
+        }
+    }
+
     /// The bus's own fault, in a sentence with what to do.
     pub fn fault(&self) -> Option<&str> {
         match self {

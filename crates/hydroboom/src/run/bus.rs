@@ -1,11 +1,11 @@
 //! A machine on EtherCAT: its table, its start, and what is said of it.
 
 use super::attachment::Attached;
+use super::bus_log::BusLog;
 use crate::crane_file::{CraneFile, text as text_of};
 use crate::output;
 use hydroboom_description::Description;
-use hydroboom_fieldbus::bus_task::{BusReport, BusThread};
-use hydroboom_fieldbus::check::DeviceFacts;
+use hydroboom_fieldbus::bus_task::{BusReport, BusThread, Started};
 use hydroboom_fieldbus::machine::MachineState;
 use hydroboom_fieldbus::raw_socket::RawSocket;
 use hydroboom_fieldbus::table::Table;
@@ -54,12 +54,14 @@ pub fn open(interface: &str) -> Result<RawSocket> {
     RawSocket::open(interface).into_diagnostic()
 }
 
-/// Starts the bus at an interface that is open.
-pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<Attached> {
+/// Starts the bus at an interface that is open; with what is to be logged of it.
+pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attached, BusLog)> {
     let delay = table.bus.delay();
+    let about = table.clone();
     let core = Placement::default().control_core;
-    let (thread, machine, facts) = BusThread::start(table, socket, core).into_diagnostic()?;
-    let names: Vec<&str> = facts.iter().map(|device: &DeviceFacts| device.name.as_str()).collect();
+    let started = BusThread::start(table, socket, core).into_diagnostic()?;
+    let Started { thread, machine, facts, records } = started;
+    let names: Vec<&str> = facts.iter().map(|device| device.name.as_str()).collect();
     output::note(&format!(
         "ethercat:{interface}: {} devices in OP ({}); from sampling to actuation {delay} {}",
         names.len(),
@@ -74,7 +76,7 @@ pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<Attache
             sentence.unwrap_or_default()
         ));
     }
-    Ok(Attached::OnFieldbus(thread, Box::new(machine)))
+    Ok((Attached::OnFieldbus(thread, Box::new(machine)), BusLog::new(about, records)))
 }
 
 /// Shares of a distribution that are shown.
@@ -82,7 +84,7 @@ const SHARES: [f64; 4] = [0.001, 0.01, 0.5, 0.99];
 
 /// For machines.
 pub fn json(report: &BusReport) -> Value {
-    let BusReport { counters, working_counter, times, delay, fault, remarks } = report;
+    let BusReport { counters, working_counter, times, delay, fault, remarks, .. } = report;
     let us = |histogram: &hydroboom_fieldbus::bus::Histogram| {
         let shares = SHARES.map(|share| 1e-3 * histogram.value_at_quantile(share) as f64);
         json!({ "p0.1": shares[0], "p1": shares[1], "p50": shares[2], "p99": shares[3] })
@@ -92,7 +94,7 @@ pub fn json(report: &BusReport) -> Value {
         "wrong_working_counter": counters.low, "working_counter": working_counter,
         "unexpected": counters.unexpected, "without_command": counters.without_command,
         "late_outputs": counters.late_outputs, "late_begins": counters.late_begins,
-        "warnings": counters.warnings, "limits": counters.limits,
+        "records_lost": counters.records_lost, "warnings": counters.warnings, "limits": counters.limits,
         "margin_to_sync0_us": us(&times.margin), "round_trip_us": us(&times.round_trip),
         "delay_cycles": delay.map(|delay| delay.total),
         "fault": fault.as_ref().map(|(fault, sentence)| json!({ "name": fault.name(), "sentence": sentence })),
@@ -102,7 +104,7 @@ pub fn json(report: &BusReport) -> Value {
 
 /// For people.
 pub fn text(report: &BusReport) -> String {
-    let BusReport { counters, working_counter, times, delay, fault, remarks } = report;
+    let BusReport { counters, working_counter, times, delay, fault, remarks, .. } = report;
     let mut said = format!(
         "Bus: {} cycles, {} frames, {} lost, {} with another working counter than {working_counter}",
         counters.cycles, counters.exchanges, counters.lost, counters.low
@@ -112,6 +114,7 @@ pub fn text(report: &BusReport) -> String {
         ("cycles without a new command", counters.without_command),
         ("outputs came after their SYNC0", counters.late_outputs),
         ("frames were sent more than half a period late", counters.late_begins),
+        ("cycles were lost for the log", counters.records_lost),
         ("cycles with a warning of a drive", counters.warnings),
         ("cycles with a limit of a drive", counters.limits),
     ];

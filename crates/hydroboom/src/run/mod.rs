@@ -2,6 +2,7 @@
 
 mod attachment;
 mod bus;
+mod bus_log;
 mod page;
 mod process;
 mod replay;
@@ -198,6 +199,7 @@ impl Run {
                 "the loads that the scenario hangs on are for somebody at the machine to hang on",
             );
         }
+        let mut bus_log = None;
         let attached = match (&self.machine, bus) {
             (Some(MachineArgument::Udp(port)), _) => {
                 attend(&desk)?;
@@ -213,11 +215,13 @@ impl Run {
             (Some(MachineArgument::EtherCat(interface)), Some((table, socket))) => {
                 attend(&desk)?;
                 let tasks = cranes.control_and_simulation(begin)?;
-                Some((tasks, bus::start(interface, table, socket)?))
+                let (attached, log) = bus::start(interface, table, socket)?;
+                bus_log = Some(log);
+                Some((tasks, attached))
             }
             _ => None,
         };
-        let mut watch = self.watch(&cranes, &desk, wanted, switch)?;
+        let mut watch = self.watch(&cranes, &desk, wanted, switch)?.with_bus_log(bus_log);
         let lookout = Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
         let (real_time, bus) = match (attached, self.simulated_time) {
             (Some((tasks, attached)), _) => {
@@ -451,6 +455,11 @@ impl Run {
                 }
                 output::text(&said)?;
             }
+        }
+        if let (Some(log), Some(frames)) = (&self.log, bus.and_then(Came::frames)) {
+            let capture = log.with_extension("pcapng");
+            output::file(&capture, frames);
+            output::note(&format!("the last frames before the fault: {}", capture.display()));
         }
         let Some(fault) = watch.session().fault() else { return Ok(()) };
         if let Some(path) = &self.report {

@@ -1,5 +1,6 @@
 //! Attendant of a run: writes the log, summarises the courses, and starts the next one.
 
+use super::bus_log::BusLog;
 use crate::origin::origin;
 use crate::output;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -122,7 +123,9 @@ pub struct Watch {
     switch: Option<Switch>,
     plan: Option<Plan>,
     log: Option<LogWriter>,
-    /// Error after which the log was abandoned.
+    /// What is logged of a bus.
+    bus_log: Option<BusLog>,
+    /// Why the log was given up.
     lost_log: Option<LogError>,
     speaks: bool,
     state: Option<State>,
@@ -181,6 +184,7 @@ impl Watch {
             switch: None,
             plan: None,
             log: None,
+            bus_log: None,
             lost_log: None,
             speaks: false,
             state: None,
@@ -212,7 +216,13 @@ impl Watch {
         self
     }
 
-    /// Changes the strategy during each course.
+    /// Logs the cycles of a bus, too.
+    pub fn with_bus_log(mut self, bus_log: Option<BusLog>) -> Self {
+        self.bus_log = bus_log;
+        self
+    }
+
+    /// Changes the strategy on the way.
     pub fn with_switch(mut self, switch: Switch) -> Self {
         self.switch = Some(switch);
         self
@@ -373,7 +383,8 @@ impl Watch {
     /// Appends a record to the log. A log that cannot be written is abandoned, and the run continues.
     fn write(&mut self, record: &Record) {
         let Some(mut writer) = self.log.take() else { return };
-        let Err(error) = writer.add(record) else {
+        let cycles = self.bus_log.as_mut().map(|bus| bus.add_until(record, &mut writer));
+        let Err(error) = writer.add(record).and(cycles.unwrap_or(Ok(()))) else {
             self.log = Some(writer);
             return;
         };
