@@ -17,7 +17,7 @@ pub enum MachineArgument {
 }
 
 impl MachineArgument {
-    /// Reads it from the command line: `virtual`, `virtual:FILE`, `udp:PORT`, `ethercat:INTERFACE`, or a file.
+    /// Parser for `virtual`, `virtual:FILE`, `udp:PORT`, `ethercat:INTERFACE`, or a file.
     pub fn parser() -> impl TypedValueParser<Value = Self> {
         OsStringValueParser::new().try_map(Self::parse)
     }

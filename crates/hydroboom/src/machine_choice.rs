@@ -24,11 +24,11 @@ pub enum Source {
     CraneFile,
     /// Crane file of its own.
     MachineFile,
-    /// Another process, over the local interface.
+    /// Another process, on the local interface.
     Udp,
     /// Devices on a bus.
     EtherCat,
-    /// The model itself, or the model with overrides; its equipment is ideal.
+    /// The model itself or with overrides, with ideal equipment.
     Model,
 }
 
@@ -154,8 +154,8 @@ impl MachineChoice {
         }
     }
 
-    /// A machine that is attached at an address, of which nothing is known: the model with typical equipment stands
-    /// for it in what is said before a run.
+    /// Machine attached at an address. Its parameters are unknown: for checks before a run the model with
+    /// typical equipment represents it.
     pub fn attached(model: Description, source: Source, address: String) -> Self {
         let (machine, _) = model.virtual_crane();
         Self {

@@ -195,7 +195,7 @@ fn add_topic(
     Ok(Topic { channel, count: 0 })
 }
 
-/// A log being written.
+/// Log being written.
 pub struct LogWriter {
     path: String,
     writer: Writer<NoSeek<BufWriter<Output>>>,
@@ -227,7 +227,7 @@ impl LogWriter {
     }
 
     /// Adds the topic of the cycles of a bus, whose messages have these fields with their JSON types. Readers of
-    /// control periods pass them over.
+    /// control periods skip it.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! A machine that is attached: one in another process, over the local interface, or devices on a bus.
+//! Attachment of a machine: in another process on the local interface, or as devices on a bus.
 
 use super::bus;
 use crate::output;

@@ -123,9 +123,9 @@ pub struct Watch {
     switch: Option<Switch>,
     plan: Option<Plan>,
     log: Option<LogWriter>,
-    /// What is logged of a bus.
+    /// Log of a bus.
     bus_log: Option<BusLog>,
-    /// Why the log was given up.
+    /// Error after which the log was abandoned.
     lost_log: Option<LogError>,
     speaks: bool,
     state: Option<State>,
@@ -222,7 +222,7 @@ impl Watch {
         self
     }
 
-    /// Changes the strategy on the way.
+    /// Changes the strategy during each course.
     pub fn with_switch(mut self, switch: Switch) -> Self {
         self.switch = Some(switch);
         self
