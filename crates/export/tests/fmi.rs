@@ -17,9 +17,11 @@ use hydroboom_export::{
 use hydroboom_math::Dual;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, Input};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 
 fn python() -> Option<String> {
     let found = std::env::var("HYDROBOOM_FMPY").ok().filter(|path| Path::new(path).exists());
@@ -54,18 +56,28 @@ fn steering(crane: &Description, what: &str, version: Version) -> Unit {
     unit(&block, None, crane, version).unwrap()
 }
 
-/// Writes an FMU for a test; returns its path.
-fn written(test: &str, what: &str, version: Version) -> String {
+/// The model or a controller of the paper's crane.
+fn exported(what: &str, version: Version) -> Unit {
     let crane = Description::uia_single_boom().unwrap();
-    let unit = match what {
+    match what {
         "model" => model(&crane, version),
         _ => steering(&crane, what, version),
-    };
-    let place = folder().join(format!("{test}-{what}-{version:?}"));
-    let library = binary(&unit, System::Linux, &place).unwrap().unwrap();
-    let path = folder().join(format!("{test}-{what}-{version:?}.fmu"));
-    std::fs::write(&path, archive(&unit, &[(System::Linux, library)]).unwrap()).unwrap();
-    path.to_str().unwrap().to_string()
+    }
+}
+
+/// Path of an FMU, compiled once for all tests.
+fn written(what: &str, version: Version) -> String {
+    static WRITTEN: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
+    let name = format!("{what}-{version:?}");
+    let mut written = WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let of_it = written.entry(name).or_insert_with_key(|name| {
+        let unit = exported(what, version);
+        let library = binary(&unit, System::Linux, &folder().join(name)).unwrap().unwrap();
+        let path = folder().join(format!("{name}.fmu"));
+        std::fs::write(&path, archive(&unit, &[(System::Linux, library)]).unwrap()).unwrap();
+        path.to_str().unwrap().to_string()
+    });
+    of_it.clone()
 }
 
 /// Output of FMPy.
@@ -81,8 +93,10 @@ fn fmus_are_valid() {
     let Some(python) = python() else { return };
     for version in BOTH {
         for what in ["model", "scheduled-lqr"].into_iter().chain(CONTROLLERS) {
-            let path = written("valid", what, version);
-            assert_eq!(fmpy(&python, &["validated", &path]), "", "{what} {version:?}");
+            let path = folder().join(format!("{what}-{version:?}-sources.fmu"));
+            std::fs::write(&path, archive(&exported(what, version), &[]).unwrap()).unwrap();
+            let path = path.to_str().unwrap();
+            assert_eq!(fmpy(&python, &["validated", path]), "", "{what} {version:?}");
         }
     }
 }
@@ -132,7 +146,7 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
     let table = folder().join("inputs.csv");
     std::fs::write(&table, inputs).unwrap();
     let outputs = "stroke+pressure_a+pressure_pump_a+tip_y";
-    let paths = BOTH.map(|version| written("same", "model", version));
+    let paths = BOTH.map(|version| written("model", version));
     let again = [0, 1].map(|k| from_packed_source(&paths[k], BOTH[k]));
     for path in paths.iter().chain(&again) {
         let said = fmpy(&python, &["simulated", path, table.to_str().unwrap(), outputs]);
@@ -177,7 +191,7 @@ fn framed_controllers_are_those_of_rust() {
         let table = folder().join(format!("framed-{what}.csv"));
         std::fs::write(&table, inputs).unwrap();
         for version in BOTH {
-            let path = written("framed", what, version);
+            let path = written(what, version);
             let outputs = FrameOutput::NAMES.join("+");
             let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), &outputs]);
             let found: Vec<Vec<f64>> =
@@ -194,7 +208,7 @@ fn framed_controllers_are_those_of_rust() {
 fn states_are_kept_and_instances_do_not_know_of_each_other() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        assert_eq!(fmpy(&python, &["kept", &written("kept", "model", version)]), "", "{version:?}");
+        assert_eq!(fmpy(&python, &["kept", &written("model", version)]), "", "{version:?}");
     }
 }
 
@@ -211,7 +225,7 @@ fn told(said: &str, wanted: &[&str]) {
 fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["diverged", &written("wrong", "model", version)]);
+        let said = fmpy(&python, &["diverged", &written("model", version)]);
         let mut wanted = vec!["diverged"];
         wanted.extend(["after a step that diverged"; 2]);
         wanted.extend(["no multiple"; 5]);
@@ -224,7 +238,7 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
 fn calls_out_of_order_are_refused_and_those_in_order_go_on() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["disordered", &written("order", "model", version)]);
+        let said = fmpy(&python, &["disordered", &written("model", version)]);
         let mut wanted = vec!["before initialization"; 4];
         wanted.extend(["in initialization mode"; 3]);
         wanted.extend((version == Version::Two).then_some("in initialization mode"));
@@ -241,7 +255,7 @@ fn calls_out_of_order_are_refused_and_those_in_order_go_on() {
 fn values_that_no_crane_can_have_are_refused() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["impossible", &written("impossible", "model", version)]);
+        let said = fmpy(&python, &["impossible", &written("model", version)]);
         let no_number = "payload_mass_kg cannot be set to a value that is no number";
         told(
             &said,
@@ -294,7 +308,7 @@ fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
             state.boom.angle[2],
         ];
         for version in BOTH {
-            let path = written("balanced", "model", version);
+            let path = written("model", version);
             let said = fmpy(&python, &["balanced", &path, names, values, outputs]);
             let lines: Vec<&str> = said.lines().collect();
             assert_eq!(lines.len(), 4, "{lines:?}");
@@ -311,7 +325,7 @@ fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
         }
     }
     for version in BOTH {
-        assert_eq!(fmpy(&python, &["own_state", &written("own", "model", version)]), "");
+        assert_eq!(fmpy(&python, &["own_state", &written("model", version)]), "");
     }
 }
 
@@ -319,7 +333,7 @@ fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
 fn steps_at_large_times_are_those_at_small_ones() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["late", &written("late", "model", version)]);
+        let said = fmpy(&python, &["late", &written("model", version)]);
         // rounding remainders are summed: the second such step is refused
         told(&said, &["no multiple", "1"]);
     }
@@ -486,7 +500,7 @@ fn directional_derivatives_are_the_slopes_of_the_model() {
         "stroke+pressure_pump_a+der_pressure_pump_a+der_angular_velocity_1+der_gas_volume";
     let known = "pump_speed+payload_mass_kg+state_pressure_pump_a";
     for version in BOTH {
-        let said = fmpy(&python, &["sloped", &written("slopes", "model", version), unknown, known]);
+        let said = fmpy(&python, &["sloped", &written("model", version), unknown, known]);
         let mut lines = said.lines();
         let mut row = || -> Vec<f64> {
             lines.next().unwrap().split(',').map(|v| v.parse().unwrap()).collect()
