@@ -232,7 +232,7 @@ impl Case {
         }
         let line: Vec<Complex<f64>> = self.growth.iter().map(|s| s.difference(gains)).collect();
         let turned: f64 = line.windows(2).map(|pair| (pair[1] / pair[0]).arg()).sum();
-        self.open_loop - (turned / PI).round() <= 0.0
+        self.open_loop == (turned / PI).round()
     }
 }
 

@@ -64,14 +64,18 @@ impl LinearisedPlant {
         let crane = plant(&sliding, &sliding.start(stroke), Scheme::Implicit, 1e-3)?;
         let (a, b) = crane.jacobian(&Input { pump_speed: 0.0, holding_valve: 1.0 });
         let c = crane.output_jacobian();
-        let row = |name: &str| -> Vec<f64> {
-            let k = Outputs::NAMES.iter().position(|n| *n == name).unwrap_or_default();
-            c.row(k).iter().copied().collect()
+        let row = |name: &str| -> Result<Vec<f64>, DesignError> {
+            let k = Outputs::NAMES.iter().position(|n| *n == name);
+            let none = || DesignError::NoMode {
+                stroke_mm: stroke * 1e3,
+                reason: format!("the model has no output {name}"),
+            };
+            Ok(c.row(k.ok_or_else(none)?).iter().copied().collect())
         };
         let ratio = crane.rod_side_ratio();
-        let (in_a, in_b) = (row("pressure_a"), row("pressure_b"));
+        let (in_a, in_b) = (row("pressure_a")?, row("pressure_b")?);
         let load = in_a.iter().zip(&in_b).map(|(a, b)| a - ratio * b).collect();
-        Self::of(stroke, a, b, [row("stroke"), row("velocity"), load])
+        Self::of(stroke, a, b, [row("stroke")?, row("velocity")?, load])
     }
 
     /// Of its matrices.

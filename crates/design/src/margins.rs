@@ -87,6 +87,14 @@ impl Loop {
         }
     }
 
+    /// Highest frequency at which it is a response of its own \[Hz\]: half the sampling frequency of a sampled controller.
+    pub(crate) fn highest_frequency(&self) -> f64 {
+        match self {
+            Self::Benchmark { .. } => f64::INFINITY,
+            Self::ScheduledLqr { controller, .. } => 0.5 / controller.period(),
+        }
+    }
+
     /// Loop gain at a frequency \[Hz\], with the sign that makes −1 the critical point.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         self.gain_at(crane, Complex::new(0.0, TAU * frequency))

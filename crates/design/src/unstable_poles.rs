@@ -9,7 +9,8 @@ use std::f64::consts::{PI, TAU};
 /// Integrators of position, of low pressures whose check valves are shut, and of the controller lie at zero, numerically up to 0.001 1/s.
 pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 
-/// Highest frequency that is looked at \[Hz\], and points below it to begin with; resonances of the crane get their own.
+/// Highest frequency of the contour \[Hz\], but no more than half the sampling frequency of a sampled controller, about which its response repeats itself; and points below
+/// it to begin with. Resonances of the crane get their own.
 const HIGHEST: f64 = 400.0;
 const POINTS: u32 = 800;
 /// Places about a resonance that are looked at, in half widths at half power.
@@ -18,6 +19,8 @@ const ABOUT_RESONANCE: [f64; 5] = [-3.0, -1.0, 0.0, 1.0, 3.0];
 /// Where the loop turns by more between two points \[rad\], one more is looked at between them, so many times at most.
 const TURN: f64 = 0.5;
 const HALVINGS: u32 = 40;
+/// Share of half a turn by which the contour may miss a whole number of half turns: beyond, the loop's gain has not fallen at its end, and turns are no count of poles.
+const OPEN_CONTOUR: f64 = 0.25;
 
 /// Poles of a closed loop that grow faster than 0.02 1/s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +36,7 @@ pub(crate) struct GrowingPoles {
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane's responses are not finite there.
+/// [`DesignError`] when the crane's responses are not finite there, or the turns are no count of poles.
 pub(crate) fn growing_poles(
     crane: &LinearisedPlant,
     around: &Loop,
@@ -44,7 +47,7 @@ pub(crate) fn growing_poles(
     };
     let mut turned = 0.0;
     let mut last = (0.0, at(0.0)?);
-    for frequency in frequencies(crane) {
+    for frequency in frequencies(crane, around.highest_frequency().min(HIGHEST)) {
         let next = (frequency, at(frequency)?);
         turned += turn(&at, last, next, HALVINGS)?;
         last = next;
@@ -54,17 +57,25 @@ pub(crate) fn growing_poles(
     }
     let open_loop = crane.growing_poles(SLOWEST_GROWTH) + around.growing_poles(SLOWEST_GROWTH)?;
     // the mirrored half of the line turns as far again
-    let more = (-turned / PI).round() as i64;
-    let closed_loop = u32::try_from(i64::from(open_loop) + more).unwrap_or(0);
-    Ok(GrowingPoles { closed_loop, open_loop })
+    let encirclements = -turned / PI;
+    let more = encirclements.round();
+    let closed_loop = u32::try_from(i64::from(open_loop) + more as i64);
+    match closed_loop {
+        Ok(closed_loop) if (encirclements - more).abs() < OPEN_CONTOUR => {
+            Ok(GrowingPoles { closed_loop, open_loop })
+        }
+        _ => Err(crane.none(&format!(
+            "the loop encircles -1 {encirclements:.2} times with {open_loop} growing poles in open loop, which is no count of poles"
+        ))),
+    }
 }
 
-/// Frequencies that are looked at \[Hz\], in their order, above zero.
-fn frequencies(crane: &LinearisedPlant) -> Vec<f64> {
+/// Frequencies of the contour \[Hz\], in their order, above zero and up to the highest.
+fn frequencies(crane: &LinearisedPlant, highest: f64) -> Vec<f64> {
     // evenly over the frequency's root: modes of boom and oil lie low
-    let even = (1..=POINTS).map(|k| HIGHEST * (f64::from(k) / f64::from(POINTS)).powi(2));
+    let even = (1..=POINTS).map(|k| highest * (f64::from(k) / f64::from(POINTS)).powi(2));
     let resonances = about_resonances(crane, SLOWEST_GROWTH);
-    let mut all: Vec<f64> = even.chain(resonances).filter(|f| *f > 0.0 && *f <= HIGHEST).collect();
+    let mut all: Vec<f64> = even.chain(resonances).filter(|f| *f > 0.0 && *f <= highest).collect();
     all.sort_unstable_by(f64::total_cmp);
     all.dedup();
     all

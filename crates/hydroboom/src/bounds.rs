@@ -151,20 +151,18 @@ fn told(
         ["feedforward alone", &millimetres(bounds.feedforward_mm), "", "estimate [3]"];
     rows.push(feedforward.map(String::from).to_vec());
     let [before, begun, ended] = bounds.payload_deviation_kg;
-    let heads = ["strategy", "RMS true [mm]", "over the bound", "Harris index", "remark"];
+    let heads = ["strategy", "RMS true [mm]", "over the bound", "remark"];
     let has_remarks = strategies.iter().any(|s| s.remark.is_some());
     let shown = if has_remarks { heads.len() } else { heads.len() - 1 };
     let closed_loops: Vec<Vec<String>> = strategies
         .iter()
         .map(|s| {
             let optional = |value: Option<f64>| value.map_or("-".into(), output::three_digits);
-            let harris = s.harris_index.map_or("-".into(), output::short);
             let remark = s.remark.clone().unwrap_or_default();
             let mut row = vec![
                 s.strategy.name().into(),
                 optional(s.rms_true_mm),
                 optional(s.over_bound),
-                harris,
                 remark,
             ];
             row.truncate(shown);
@@ -192,7 +190,7 @@ fn told(
          [2] for any linear causal controller, if disturbances drift as below: that they do is an estimate\n\
          [3] no position feedback, the motor's limits not counted; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\
          [4] reference and load changes not known ahead: the piston is on its reference whenever one changes, and what follows is known until the next{of_loads}\n\n\
-         Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
+         Strategies in closed loop on it\n{}{interrupted}\n\n\
          Conditions\n{}",
         choice.name(),
         course_name(&bounds.course),

@@ -111,7 +111,9 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
                 .filter_map(|(i, (sample, model))| Some((i, sample.values[k]?, model[k])))
                 .collect();
             let noise = experiment.noise[k];
-            let found = || difference(*signal, &both, interval, &is_free, noise);
+            // samples that were interpolated between different pairs of readings have independent noise
+            let independent = (2.0 * apart[k] / interval).ceil().max(1.0) as usize;
+            let found = || difference(*signal, &both, (interval, independent), &is_free, noise);
             (both.len() > 20).then(|| (apart[k].max(driven), found()))
         })
         .collect();
@@ -149,7 +151,7 @@ pub(crate) fn free(experiment: &Experiment, interval: f64) -> Vec<bool> {
 fn difference(
     signal: Signal,
     both: &[(usize, f64, f64)],
-    interval: f64,
+    (interval, independent): (f64, usize),
     is_free: &[bool],
     noise: f64,
 ) -> Difference {
@@ -189,9 +191,9 @@ fn difference(
         let from = first - 0.5 * half as f64 * interval * drift;
         moved(&|k| from / interval + drift * k as f64)
     });
-    let left = log_in_time.iter().zip(&model_in_time);
+    let left = log_in_time.iter().zip(&model_in_time).step_by(independent);
     let left: Vec<Option<f64>> = left.map(|(log, model)| Some((*log)? - (*model)?)).collect();
-    let Whiteness { coloured, is_white } = whiteness(&left, interval);
+    let Whiteness { coloured, is_white } = whiteness(&left, interval * independent as f64);
     Difference {
         signal,
         count: both.len(),

@@ -33,8 +33,8 @@ pub struct Limits {
     /// Smallest share of a difference's power explained by an offset, a drift or a scale alone for it to be
     /// reported \[-\].
     pub told: f64,
-    /// Largest offset of a sensor over the largest value of its signal \[-\]; a larger one indicates
-    /// another signal or another load.
+    /// Largest offset of a pressure sensor over the largest pressure of the log \[-\]: sensors of a crane
+    /// usually have one range. A larger offset indicates another signal or another load.
     pub sensor_offset: f64,
     /// Largest relative scale error of a sensor \[-\]; a larger one indicates another unit.
     pub sensor_scale: f64,

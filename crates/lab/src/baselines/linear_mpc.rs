@@ -42,7 +42,7 @@ impl LinearMpc {
         Ok(Self { machine, reference: None, program: QuadraticProgram::empty(), plan })
     }
 
-    /// Commands of the blocks \[rev/s\]; none if the program has no solution.
+    /// Commands of the blocks \[rev/s\]; none if a factorisation fails or a value is not finite.
     fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
         let Self { machine, reference, program, .. } = self;
         let now = machine.now()?;

@@ -108,7 +108,7 @@ impl NonlinearMpc {
         }
     }
 
-    /// Commands of the blocks \[rev/s\]; none if the program has no solution.
+    /// Commands of the blocks \[rev/s\]; none if a factorisation fails or a value is not finite.
     fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
         let Self { machine, limits, reference, newton, plan } = self;
         let now = machine.now()?;

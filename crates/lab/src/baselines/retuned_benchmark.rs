@@ -33,7 +33,8 @@ impl RetunedBenchmark {
     pub(super) fn shaped(model: &Description, gains: &Gains) -> Result<Self, LabError> {
         let n = &model.numbers;
         let mode = locked_mode(model, 0.5 * (n.motion_start + n.motion_end))?;
-        let shaper = InputShaper::zvd(mode.frequency_hz, mode.damping_ratio);
+        let natural_hz = mode.frequency_hz / (1.0 - mode.damping_ratio.powi(2)).sqrt();
+        let shaper = InputShaper::zvd(natural_hz, mode.damping_ratio);
         Ok(Self { shaper: Some(shaper), ..Self::new(model, gains) })
     }
 

@@ -257,7 +257,9 @@ fn lowest_frequency(
         Linear::new(&reduced, position, n.payload, n.transition, rod_side).natural_frequency()
     };
     let every = decimation(n.control_period);
-    Ok((0..periods).step_by(every).map(frequency).fold(f64::INFINITY, f64::min))
+    // one that is not a number remains
+    let lower = |least: f64, f: f64| if least.is_nan() || least <= f { least } else { f };
+    Ok((0..periods).step_by(every).map(frequency).fold(f64::INFINITY, lower))
 }
 
 /// Response of the tracking error to each knot of a correction \[m/(rev/s)\]. The model is the load on boom

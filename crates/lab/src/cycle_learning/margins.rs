@@ -29,10 +29,14 @@ pub(crate) fn exceeded(crane: &Description, record: &Record, course: &dyn Course
     let most = |of: &dyn Fn(usize, &AxisSignals<f64>) -> f64| {
         readings().map(|(k, r)| (time(k), of(k, r))).max_by(|a, b| a.1.total_cmp(&b.1))
     };
+    // a value that is not a number is within no limit
+    let exceeds = |value: f64, limit: f64| value.is_nan() || value > limit;
     let mut said = Vec::new();
     let limit = n.supervision_pressure;
     for (name, of) in PRESSURES {
-        let Some((at, p)) = most(&|_, r| of(r)).filter(|(_, p)| *p > limit) else { continue };
+        let Some((at, p)) = most(&|_, r| of(r)).filter(|(_, p)| exceeds(*p, limit)) else {
+            continue;
+        };
         said.push(format!(
             "{name} is {:.1} bar at {at:.3} s, and supervision.pressure_bar allows {:.1}",
             p * 1e-5,
@@ -45,7 +49,7 @@ pub(crate) fn exceeded(crane: &Description, record: &Record, course: &dyn Course
         v if v < -REST => margin - r.stroke,
         _ => f64::NEG_INFINITY,
     };
-    if let Some((at, near)) = most(&too_near).filter(|(_, near)| *near > 0.0) {
+    if let Some((at, near)) = most(&too_near).filter(|(_, near)| exceeds(*near, 0.0)) {
         said.push(format!(
             "the moving piston is {:.1} mm from its end stop at {at:.3} s, and supervision.end_margin_mm is {:.1}",
             (margin - near) * 1e3,
@@ -55,7 +59,7 @@ pub(crate) fn exceeded(crane: &Description, record: &Record, course: &dyn Course
     let limit = n.supervision_tracking_open_loop;
     let error =
         |k: usize, r: &AxisSignals<f64>| (r.stroke - course.reference(time(k)).position).abs();
-    if let Some((at, error)) = most(&error).filter(|(_, error)| *error > limit) {
+    if let Some((at, error)) = most(&error).filter(|(_, error)| exceeds(*error, limit)) {
         said.push(format!(
             "the tracking error is {:.1} mm at {at:.3} s, and supervision.tracking_open_loop_mm allows {:.1}",
             error * 1e3,
@@ -64,7 +68,7 @@ pub(crate) fn exceeded(crane: &Description, record: &Record, course: &dyn Course
     }
     let fastest = record.commands.iter().enumerate().map(|(k, c)| (time(k), c.motor_speed.abs()));
     let fastest = fastest.max_by(|a, b| a.1.total_cmp(&b.1));
-    if let Some((at, speed)) = fastest.filter(|(_, v)| *v > n.motor_speed * (1.0 + 1e-9)) {
+    if let Some((at, speed)) = fastest.filter(|(_, v)| exceeds(*v, n.motor_speed * (1.0 + 1e-9))) {
         said.push(format!(
             "the motor is asked for {:.0} rpm at {at:.3} s, and motor.max_speed_rpm is {:.0}",
             speed * 60.0,

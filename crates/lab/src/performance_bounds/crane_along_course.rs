@@ -15,9 +15,9 @@ use hydroboom_math::Dual;
 /// Iterations of the fixed point between pressure and deflection of the boom. Each reduces the error by a
 /// factor of about 100.
 const DEFLECTION_STEPS: usize = 6;
-/// Smallest change of the reference's acceleration that counts \[m/s²\]. It detects the corner of a ramp,
-/// not rounding of set points or the curvature of an S-curve within a period.
-const CHANGE: f64 = 1e-3;
+/// Smallest change of the reference's acceleration within a period that counts, as a share of its largest
+/// one. It detects the corner of a ramp, not rounding of set points or the curvature of an S-curve.
+const CHANGE: f64 = 0.1;
 
 /// Crane with the set point of its piston at the end of each control period.
 pub(super) struct CraneAlongCourse {
@@ -119,7 +119,9 @@ impl CraneAlongCourse {
 
     /// Times at which the reference's acceleration or the load changes.
     pub fn changes(&self) -> Vec<usize> {
-        let turns = |k: usize| (self.acceleration(k) - self.acceleration(k - 1)).abs() > CHANGE;
+        let accelerations = (0..self.periods()).map(|k| self.acceleration(k).abs());
+        let least = CHANGE * accelerations.fold(0.0, f64::max);
+        let turns = |k: usize| (self.acceleration(k) - self.acceleration(k - 1)).abs() > least;
         let loads = |k: usize| self.states[k].payload != self.states[k - 1].payload;
         (1..self.periods()).filter(|&k| turns(k) || loads(k)).collect()
     }

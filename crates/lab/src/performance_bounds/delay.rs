@@ -46,7 +46,8 @@ impl Delay {
     /// Whole periods from new information to the motor: the fieldbus to the drive and the drive's dead
     /// time.
     pub fn command_periods(&self) -> usize {
-        self.fieldbus_cycles as usize + (self.dead_time / self.period) as usize
+        // a quotient of decimal fractions may lie just below a whole number
+        self.fieldbus_cycles as usize + (self.dead_time / self.period + 1e-9) as usize
     }
 
     /// Total delay \[s\].

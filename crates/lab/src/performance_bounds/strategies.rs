@@ -18,8 +18,6 @@ pub struct StrategyError {
     pub rms_true_mm: Option<f64>,
     /// Ratio of the error to the bound with all limits.
     pub over_bound: Option<f64>,
-    /// Harris index: mean square error of the bound over that of the strategy; 1 is optimal.
-    pub harris_index: Option<f64>,
     /// Remark if there is no error.
     pub remark: Option<String>,
 }
@@ -52,7 +50,6 @@ fn beside(bound_mm: f64, run: &Run) -> StrategyError {
         strategy: run.strategy,
         rms_true_mm: error,
         over_bound: error.map(|mm| mm / bound_mm),
-        harris_index: error.map(|mm| (bound_mm / mm).powi(2)),
         remark: error.is_none().then(|| run.tracking()),
     }
 }

@@ -120,14 +120,13 @@ fn limits(bounds: &PerformanceBounds) -> Markup {
 fn closed_loops(strategies: &[StrategyError]) -> Markup {
     html! {
         div.wide { table {
-            thead { tr { th { "strategy" } th { "RMS true [mm]" } th { "over the bound" } th { "Harris index" } th { "" } } }
+            thead { tr { th { "strategy" } th { "RMS true [mm]" } th { "over the bound" } th { "" } } }
             tbody { @for s in strategies { tr {
                 td { (s.strategy.name()) }
                 td { (s.rms_true_mm.map_or("-".into(), digits)) } td { (s.over_bound.map_or("-".into(), digits)) }
-                td { (s.harris_index.map_or("-".into(), digits)) } td.unstable { (s.remark.as_deref().unwrap_or("")) }
+                td.unstable { (s.remark.as_deref().unwrap_or("")) }
             } } }
         } }
-        p.soft { "Harris index: mean square error of the bound with all limits over that of the strategy; 1 is the best that there is." }
     }
 }
 
