@@ -126,6 +126,8 @@ pub struct Bus<L> {
     counters: Counters,
     /// A device that left OP: its reason is still to be read.
     dropped: Option<u16>,
+    /// Whether drives are being switched off for good.
+    is_ending: bool,
     record: CycleRecord,
     /// Where records go; none where nobody asked for them.
     records: Option<Producer<CycleRecord>>,
@@ -190,6 +192,7 @@ impl<L: Link> Bus<L> {
             cycle: Seen::default(),
             counters: Counters::default(),
             dropped: None,
+            is_ending: false,
             record: CycleRecord::default(),
             records: None,
         }
@@ -268,7 +271,12 @@ impl<L: Link> Bus<L> {
     pub fn measure(&mut self) {
         self.counters.cycles += 1;
         self.cycle = Seen::default();
-        let counts = self.exchange(self.pace.next_exchange(), self.table.bus.exchanges == 1);
+        let (due, is_only) = (self.pace.next_exchange(), self.table.bus.exchanges == 1);
+        self.wire.link.wait(due);
+        if is_only {
+            self.decide();
+        }
+        let counts = self.exchange(due, is_only);
         self.side.show_sync0(self.pace.in_cycle(0));
         // before the drives are looked at: one that left OP has a fault for it
         self.read_reason();
@@ -278,13 +286,14 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// Takes the newest command, and sends it in the second exchange, or leaves it for the first of the next cycle.
+    /// Takes the command that is there when the second exchange is due, and sends it; with one exchange a command is
+    /// taken when that of the next cycle is due.
     pub fn act(&mut self) {
-        self.take_reset();
-        self.take_command();
-        self.encode();
         if self.table.bus.exchanges == 2 {
-            self.exchange(self.pace.in_cycle(self.table.bus.send), true);
+            let due = self.pace.in_cycle(self.table.bus.send);
+            self.wire.link.wait(due);
+            self.decide();
+            self.exchange(due, true);
         }
         let Seen { is_lost, is_low, .. } = self.cycle;
         if self.lost.take(is_lost) {
@@ -297,11 +306,20 @@ impl<L: Link> Bus<L> {
         self.push_record();
     }
 
+    /// What the outputs are to be now.
+    fn decide(&mut self) {
+        self.take_reset();
+        self.take_command();
+        self.encode();
+    }
+
     /// Hands the record of the cycle on, and begins the next.
     fn push_record(&mut self) {
         let mut record = std::mem::take(&mut self.record);
         self.record.states = record.states;
-        let Some(records) = &mut self.records else { return };
+        let Some(records) = self.records.as_mut().filter(|records| !records.is_abandoned()) else {
+            return;
+        };
         record.measurement = self.number;
         record.sync0 = [self.pace.in_cycle(0), self.pace.system];
         for (shown, drive) in record.drives.iter_mut().zip(&self.drives) {
@@ -329,7 +347,6 @@ impl<L: Link> Bus<L> {
 
     /// One exchange, due at a time \[ns\], with or without outputs that are new; whether its inputs count.
     fn exchange(&mut self, due: u64, has_outputs: bool) -> bool {
-        self.wire.link.wait(due);
         let main = self.wire.main;
         for (position, bytes) in self.outputs.iter().enumerate() {
             // a guard lives in one statement only: inputs that are read while it is held would wait for ever
@@ -507,6 +524,10 @@ impl<L: Link> Bus<L> {
     /// Takes the newest command. After a start and after a reset commands count from the first one that is at rest,
     /// so that nothing moves unexpectedly (ISO 14118).
     fn take_command(&mut self) {
+        if self.is_ending {
+            self.command = None;
+            return;
+        }
         if let Some(Taken { outgoing, answers }) = self.side.take_command() {
             let is_finite = outgoing
                 .command
@@ -582,10 +603,10 @@ impl<L: Link> Bus<L> {
 
     /// Ends the bus: drives are switched off, and the devices go to INIT, so that their watchdogs find nothing missing.
     pub fn end(&mut self) {
-        self.command = None;
+        self.is_ending = true;
         for _ in 0..UNTIL_OFF {
             self.measure();
-            self.encode();
+            self.decide();
             if !self.drives.iter().any(Drive::is_enabled) {
                 break;
             }

@@ -218,7 +218,8 @@ impl Watch {
 
     /// Logs the cycles of a bus, too.
     pub fn with_bus_log(mut self, bus_log: Option<BusLog>) -> Self {
-        self.bus_log = bus_log;
+        // without a log nobody would take its cycles out of their queue
+        self.bus_log = bus_log.filter(|_| self.log.is_some());
         self
     }
 
