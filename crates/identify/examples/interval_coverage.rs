@@ -21,7 +21,7 @@ fn main() {
         eprintln!("interval_coverage SEED FROM TO");
         std::process::exit(2);
     };
-    let rows = coverage(seed, from..to);
+    let rows = coverage(seed, from..to, None);
     println!(
         "| key | determined: holds the truth | not determined: holds | called biased: holds | mean deviation | why biased |"
     );

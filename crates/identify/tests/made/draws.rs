@@ -38,9 +38,11 @@ pub struct Row {
     pub deviations: f64,
 }
 
-/// Draws of a seed, a row for each of [`KEYS`].
-pub fn coverage(seed: u64, draws: std::ops::Range<u64>) -> Vec<Row> {
-    let drawn: Vec<[Outcome; KEYS.len()]> = draws.into_par_iter().map(|k| draw(seed, k)).collect();
+/// Draws of a seed with rests of a duration \[s\] before, between and after the motion's two ways; the crane
+/// file's rests where there is none. A row for each of [`KEYS`].
+pub fn coverage(seed: u64, draws: std::ops::Range<u64>, rests: Option<f64>) -> Vec<Row> {
+    let drawn: Vec<[Outcome; KEYS.len()]> =
+        draws.into_par_iter().map(|k| draw(seed, k, rests)).collect();
     let mut rows = vec![Row::default(); KEYS.len()];
     for outcomes in drawn {
         for (row, outcome) in rows.iter_mut().zip(outcomes) {
@@ -69,13 +71,16 @@ struct Outcome {
 }
 
 /// One crane of a seed: its motion, the model tuned to it, and each key compared with its truth.
-fn draw(seed: u64, k: u64) -> [Outcome; KEYS.len()] {
+fn draw(seed: u64, k: u64, rests: Option<f64>) -> [Outcome; KEYS.len()] {
     let mut model = Description::uia_single_boom().unwrap();
     model.set("friction.law=lugre").unwrap();
     let nominal = Description::uia_virtual().unwrap();
     let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
     let mut crane = widened(&nominal, seed, k).unwrap().crane;
     crane.numbers.payload = model.numbers.payload * (0.1 * normal(seed, k)).exp();
+    if let Some(duration) = rests {
+        (crane.numbers.rest, crane.numbers.dwell) = (duration, duration);
+    }
     let course = crane.motion(crane.numbers.fast);
     let course = virtual_run::Task::Course(&course, Strategy::VelocityFeedforward);
     let experiments = [logged(&model, &crane, &course, k)];
