@@ -4,6 +4,7 @@ use crate::{benchmark_gains, crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::{CircuitChoice, FrictionChoice};
+use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_design::stability::{
     LoopStability, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
     unstable_on_ideal_equipment,
@@ -133,8 +134,16 @@ impl Check {
             ),
             false => String::new(),
         };
+        let [low, high] = payload_range(&description);
+        let payloads = match high > low {
+            true => format!(
+                "\nLoops are judged with {:.0} kg; `hydroboom design --benchmark` judges the benchmark's over the range of {low:.0} to {high:.0} kg.",
+                numbers.payload
+            ),
+            false => String::new(),
+        };
         output::text(&format!(
-            "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}",
+            "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}{payloads}",
             description.name,
             output::table(&header, &rows)
         ))

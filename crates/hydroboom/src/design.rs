@@ -99,6 +99,11 @@ impl Design {
         );
         text += "\n\
             PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus that the controllers expect before anything is identified.";
+        text += &format!(
+            "\nPayload {:.0} kg, load-holding valve open, sliding friction, {:.0} bar at the rod side; `eigen` has the load held.",
+            crane.numbers.payload,
+            crane.numbers.rod_side * 1e-5
+        );
         for unstable in loops.iter().filter(|of| !of.stable) {
             let remedy = match unstable.controller {
                 "benchmark" => "; `hydroboom design --benchmark` finds gains",

@@ -6,7 +6,7 @@ use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_lab::mat_file::{Matrix, mat_file};
-use hydroboom_lab::{linearise, plant, report};
+use hydroboom_lab::{Plant, linearise, plant, report};
 use hydroboom_model::{Input, Outputs, Scheme};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -67,8 +67,9 @@ impl Linearise {
         let mut crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
         let input = Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
         let settle = self.settle_s.unwrap_or(if self.motor_speed_rpm == 0.0 { 0.0 } else { 1.0 });
-        crane.advance(&input, (settle * 1e3).round() as u32).into_diagnostic()?;
-        let stroke_mm = crane.outputs().stroke * 1e3;
+        let swing = settled(crane.as_mut(), &input, (settle * 1e3).round() as u32)?;
+        let here = crane.outputs();
+        let stroke_mm = here.stroke * 1e3;
         let (a, b) = crane.jacobian(&input);
         let c = crane.output_jacobian();
         let states = crane.state_names();
@@ -78,6 +79,24 @@ impl Linearise {
             true => Some(self.dead_band(&description)),
             false => None,
         };
+        let oscillation = (swing > STEADY * here.pressure_a).then(|| {
+            format!(
+                "The motion is not steady: p_A changes by {:.1} bar within the last half second. The matrices are of one instant of that oscillation, with the \
+                 oil's stiffness at {:.1} bar; their damping is not that of a steady motion. --settle-s takes another instant.",
+                swing * 1e-5,
+                here.pressure_a * 1e-5
+            )
+        });
+        let is_growing = |m: &&linearise::Mode| m.imaginary == 0.0 && m.real > GROWING;
+        let filling = dead_band.as_ref().and(modes.iter().find(is_growing)).map(|m| {
+            format!(
+                "The growing real pole of {:.3} 1/s is the accumulator's pressure, which leakage raises while the cylinder is shut.",
+                m.real
+            )
+        });
+        let in_dead_band = dead_band.is_some();
+        let remarks: Vec<String> =
+            [dead_band, filling, oscillation].into_iter().flatten().collect();
         let rows_of = |m: &dyn Fn(usize, usize) -> f64, rows: usize, columns: usize| {
             (0..rows)
                 .map(|i| (0..columns).map(|j| m(i, j)).collect::<Vec<f64>>())
@@ -131,7 +150,10 @@ impl Linearise {
             return output::json(&json!({
                 "states": states, "outputs": outputs, "input": "pump_speed_rev_s",
                 "A": matrices[0].1, "B": matrices[1].1, "C": matrices[2].1, "D": matrices[3].1,
-                "modes": modes, "in_dead_band": dead_band.is_some(), "remark": dead_band,
+                "modes": modes, "in_dead_band": in_dead_band,
+                "stroke_mm": stroke_mm, "piston_velocity_mm_s": here.velocity * 1e3,
+                "pressure_a_bar": here.pressure_a * 1e-5, "pressure_change_bar": swing * 1e-5,
+                "remark": (!remarks.is_empty()).then(|| remarks.join("\n")),
             }));
         }
         let rows: Vec<Vec<String>> = modes
@@ -145,11 +167,13 @@ impl Linearise {
                 ]
             })
             .collect();
-        let remark = dead_band.map_or(String::new(), |remark| format!("\n\n{remark}"));
+        let remark: String = remarks.iter().map(|remark| format!("\n\n{remark}")).collect();
         output::text(&format!(
-            "Poles at {stroke_mm:.0} mm, {:.0} rpm, valve {}, slowest first\n{}{remark}",
+            "Poles at {stroke_mm:.0} mm, {:.0} rpm, valve {}, p_A = {:.1} bar, piston at {:.1} mm/s; slowest first\n{}{remark}",
             self.motor_speed_rpm,
             self.valve,
+            here.pressure_a * 1e-5,
+            here.velocity * 1e3,
             output::table(&["real [1/s]", "imag [rad/s]", "f [Hz]", "damping"], &rows)
         ))
     }
@@ -178,6 +202,29 @@ impl Linearise {
             None => format!("{said}\nNo motor speed from this position opens it within a second."),
         }
     }
+}
+
+/// Duration over which the pressure is watched, at the end of the motion before the operating point \[steps
+/// of 1 ms\]: a period of a load at 2 Hz.
+const WATCHED: u32 = 500;
+/// Interval of that \[steps\].
+const INTERVAL: u32 = 10;
+/// Largest change of the pressure p_A in a steady motion, as a share of it \[-\].
+const STEADY: f64 = 0.02;
+/// Growth rate from which a real pole is no integrator \[1/s\].
+const GROWING: f64 = 1e-3;
+
+/// Moves the crane for so many steps of 1 ms; returns the change of p_A \[Pa\] towards their end.
+fn settled(crane: &mut dyn Plant, input: &Input<f64>, steps: u32) -> Result<f64> {
+    let watched = steps.min(WATCHED) / INTERVAL;
+    crane.advance(input, steps - watched * INTERVAL).into_diagnostic()?;
+    let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+    for _ in 0..watched {
+        crane.advance(input, INTERVAL).into_diagnostic()?;
+        let pressure = crane.outputs().pressure_a;
+        (lowest, highest) = (lowest.min(pressure), highest.max(pressure));
+    }
+    Ok((highest - lowest).max(0.0))
 }
 
 /// Duration of the motion before the operating point is taken \[steps of 1 ms\].

@@ -1,7 +1,7 @@
 //! Verdict on a model as text and JSON.
 
 use crate::output::three_digits;
-use hydroboom_identify::{Aspect, Judgement};
+use hydroboom_identify::{Aspect, Judgement, LIMITS};
 use serde_json::{Value, json};
 
 /// Name of an aspect.
@@ -26,6 +26,13 @@ fn number(j: &Judgement) -> String {
                 three_digits(limit)
             )
         }
+        Aspect::Damping if j.limit > LIMITS.damping => format!(
+            "{} {:+.1} %, limit {:.0} %, a damping ratio of {}",
+            j.signal.symbol(),
+            j.found * 100.0,
+            j.limit * 100.0,
+            LIMITS.least_damping
+        ),
         Aspect::Frequency | Aspect::Damping => {
             let (found, limit) = (j.found * 100.0, j.limit * 100.0);
             format!("{} {found:+.1} %, limit {limit:.1} %", j.signal.symbol())
