@@ -2,7 +2,7 @@
 
 use super::report::{SENSORS_ONLY, known};
 use super::watch::CourseResult;
-use crate::machine_choice::{MachineChoice, Source};
+use crate::machine_choice::MachineChoice;
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
