@@ -19,7 +19,7 @@ pub(crate) const SEGMENTS: usize = 3;
 
 type E = Expression;
 
-/// The paper's equations (docs/theory.md) of each node's pressure, in the order of [`Nodes`].
+/// The paper's equations (docs/reference/theory.md) of each node's pressure, in the order of [`Nodes`].
 const NODE_EQUATIONS: [&str; 5] = ["(8)", "(A12)", "(A13)", "(9)", "(A20)"];
 /// Equations of the flows, in the order of [`Flows`]; the relief valves are our addition.
 const FLOW_EQUATIONS: [&str; 10] =

@@ -34,7 +34,7 @@ const INTERVAL: f64 = 1.96;
 pub struct Tip {
     #[command(flatten)]
     crane: CraneFile,
-    /// Survey: a CSV file with stroke_mm, payload_kg, tip_x_mm, tip_y_mm, deviation_mm (docs/estimation.md).
+    /// Survey: a CSV file with stroke_mm, payload_kg, tip_x_mm, tip_y_mm, deviation_mm (docs/reference/estimation.md).
     #[arg(
         long,
         value_name = "FILE",

@@ -220,7 +220,7 @@ mod tests {
     /// Programs on machines know these numbers: a new cause comes last.
     #[test]
     fn the_documented_status_of_each_cause_stays() {
-        let text = include_str!("../../../../docs/export-controllers.md");
+        let text = include_str!("../../../../docs/reference/export-controllers.md");
         let mut count = 0;
         for line in text.lines() {
             let cells: Vec<&str> = line.split('|').map(str::trim).collect();

@@ -178,7 +178,7 @@ pub(super) fn control_task(controller: &Unit) -> Unit {
         comment: "To be called every control period (1 ms in the paper): the benchmark controller, which holds and releases the load. \
                   FB_SimulationFeedforward replaces it for simulation feedforward: the same inputs and outputs, called every simulation \
                   step. FB_ScheduledLqrController replaces it with its preview arrays filled every period, and has additional outputs: \
-                  docs/export-twincat.md has such a program."
+                  docs/how-to/export-twincat.md has such a program."
             .into(),
         variables,
         body: format!(

@@ -15,7 +15,7 @@ use miette::{IntoDiagnostic, Result};
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
-    docs/export-c.md shows how it is used"
+    docs/how-to/export-c.md shows how it is used"
 )]
 pub struct C {
     #[command(flatten)]

@@ -45,7 +45,7 @@ impl What {
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export fmu --what plant \
-    --set payload.mass_kg=340 --out plant.fmu\n  docs/export-fmi.md shows how it is used"
+    --set payload.mass_kg=340 --out plant.fmu\n  docs/how-to/export-fmi.md shows how it is used"
 )]
 pub struct Fmu {
     #[command(flatten)]

@@ -14,7 +14,7 @@ use miette::{IntoDiagnostic, Result};
 /// tasks, and what they call; plain text (a file each, and all in one), TwinCAT 3 files, and one PLCopen XML.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
-    docs/export-twincat.md shows how it gets into TwinCAT 3")]
+    docs/how-to/export-twincat.md shows how it gets into TwinCAT 3")]
 pub struct St {
     #[command(flatten)]
     crane: CraneFile,

@@ -38,7 +38,7 @@ pub fn estimation_page(
             "The log " code { (log) } " beside \"" (crane) "\", from " (format!("{:.3}", found.begin)) " s on for "
             (format!("{:.1}", found.duration)) " s: estimates of the extended Kalman filter at the time of each measurement. Bounds are two standard deviations \
             of the error covariance, in which pump, friction, mass, load position and sensor lag have the spread of the crane file. The verdict judges the innovations; \
-            bounds of what was not measured rest on that spread. How often they hold on virtual cranes: docs/estimation.md."
+            bounds of what was not measured rest on that spread. How often they hold on virtual cranes: docs/reference/estimation.md."
         }
         h2 { "Findings on the signals" }
         @if verdict.findings.is_empty() { p { "None was found." } }

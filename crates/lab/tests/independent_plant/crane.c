@@ -1,5 +1,5 @@
 /*
- * A crane simulated independently of the Rust model: written from docs/theory.md, docs/virtual-crane.md and
+ * A crane simulated independently of the Rust model: written from docs/reference/theory.md, docs/reference/virtual-crane.md and
  * the keys of the crane file, and sharing no code with the model. The boom is an Euler-Bernoulli beam in
  * assumed modes (Ritz) and no chain of rigid segments; every volume of oil dissolves its own air; the
  * integrator is the explicit Runge-Kutta method of order 4 with a fixed step.
