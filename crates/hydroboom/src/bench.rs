@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::time::Instant;
 
-/// Measure what a step costs on this machine.
+/// Measure the computing time of a simulation step on this machine.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom bench --json")]
 pub struct Bench {

@@ -18,11 +18,12 @@ use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde_json::json;
 
-/// Compute the least possible tracking error of a crane along a course, what each limit costs, and where the strategies stand.
+/// Compute lower bounds of the tracking error along a course, the cost of each limit, and the errors of the strategies.
 ///
-/// Limits: motor speed, motor slew rate, delay (sensors, fieldbus, control period), sensor noise, and a payload that is unknown when the motion begins. Each
-/// stands alone, and all others without it. All errors are RMS true: of the piston itself, over the whole motion, rests included. Equations, and what is a bound
-/// and what an estimate: docs/performance-bounds.md.
+/// Limits are motor speed, motor slew rate, delay (sensors, fieldbus, control period), sensor noise, and a payload
+/// that is unknown when the motion begins. The bound is computed for each limit alone, and for all others without it.
+/// All errors are true RMS errors of the piston over the whole motion, rests included. docs/performance-bounds.md has
+/// the equations, and states which results are bounds and which are estimates.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom bounds --out bounds\n  hydroboom bounds --crane my-crane.toml --speed-mm-s 60\n  \
@@ -31,24 +32,26 @@ use serde_json::json;
 pub struct Bounds {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, or a file with a `[set]` table of overrides of the virtual crane; when not given, the virtual crane: that of the crane file, the paper's
-    /// without --crane.
+    /// Crane file of the plant, or a file with a `[set]` table of overrides of the virtual crane. Default: the virtual
+    /// crane of the crane file, without --crane the paper's.
     #[arg(long, value_name = "FILE")]
     plant: Option<InputFile>,
-    /// Speed of the motion out and back; the crane file's fast one when not given.
+    /// Speed of the motion out and back. Default: the crane file's fast speed.
     #[arg(long, visible_alias = "mm-s", value_name = "MM/S", allow_negative_numbers = true, value_parser = within(SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
-    /// Take a scenario in place of the motion, of up to 300 s: payload-change, start-stop, small-moves, reversal, saturation, load-in-motion.
+    /// Scenario in place of the motion, of up to 300 s: payload-change, start-stop, small-moves, reversal, saturation,
+    /// load-in-motion.
     #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
     scenario: Option<String>,
-    /// Payloads between which the controller does not know the plant's before the motion begins; the plant's range of payload.mass_kg when not given. A range of no width is a known payload.
+    /// Range of the payload that is unknown to the controller before the motion begins. Default: the plant's range of
+    /// payload.mass_kg. A range of zero width is a known payload.
     #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true, value_parser = benchmark_gains::payloads)]
     payload_kg: Option<[f64; 2]>,
-    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
-    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    /// Use the benchmark gains of the crane file. By default, gains of `hydroboom design --benchmark` replace the
+    /// placeholders of a new file, and the paper's gains on another crane for which they are not tuned.
     #[arg(long)]
     gains_as_given: bool,
-    /// Write bounds.html, with its figure as SVG and CSV, into this folder.
+    /// Folder for bounds.html, with its figure as SVG and CSV.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
     /// Print JSON.

@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Find the virtual crane's unpublished parameters from what was published of the real one.
+/// Calibrate unpublished parameters of the virtual crane to published results of the real one.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom calibrate --out my-virtual.toml\n\
     It takes about a quarter of an hour. Interrupt it at will: run again, it goes on where it stopped.\n\

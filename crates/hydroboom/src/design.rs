@@ -21,7 +21,8 @@ use serde_json::json;
 /// Smallest and largest payload \[kg\].
 type Payloads = [f64; 2];
 
-/// Loops of the benchmark and of the scheduled LQR before anything moves: natural frequency of the load, stability margins, Bode figures; observability of the estimator's states.
+/// Analyse the loops of the benchmark and of the scheduled LQR: natural frequency of the load, stability margins, Bode
+/// diagrams; observability of the estimator's states; gains of the benchmark.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hydroboom design --out design
@@ -33,26 +34,26 @@ type Payloads = [f64; 2];
 pub struct Design {
     #[command(flatten)]
     crane: CraneFile,
-    /// Margins over so many virtual cranes too, the worst named.
+    /// Number of virtual cranes for the distribution of the margins; the worst is named.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// By how much each phase of the motion alone brings down the standard deviation of each state that the Kalman filter estimates.
+    /// Show the reduction of each state's standard deviation in the Kalman filter by each phase of the motion alone.
     #[arg(long, conflicts_with_all = ["family", "out"])]
     observability: bool,
-    /// Find gains of the benchmark controller for this crane: K_p, K_i, k_f and tau with the largest sensitivity of the key
+    /// Design gains K_p, K_i, k_f and tau of the benchmark controller for this crane. The sensitivity's peak is at most
     /// benchmark_design.sensitivity_peak, over the crane file's payload range and the stroke.
     #[arg(long, conflicts_with_all = ["family", "observability", "out"])]
     benchmark: bool,
-    /// With --benchmark: payloads that the gains are robust over, in place of the crane file's range.
+    /// With --benchmark: range of payloads in the design. Default: the crane file's range.
     #[arg(long, value_name = "LOW:HIGH", requires = "benchmark", allow_hyphen_values = true, value_parser = benchmark_gains::payloads)]
     payload_kg: Option<Payloads>,
-    /// With --benchmark: write the crane file with these gains, and where they come from.
+    /// With --benchmark: crane file to write with these gains and their source.
     #[arg(long, value_name = "FILE", requires = "benchmark")]
     crane_out: Option<OutputFile>,
-    /// Write design.html into this folder.
+    /// Folder for design.html.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
     /// Print JSON.

@@ -6,7 +6,7 @@ use hydroboom_realtime::doctor::examine;
 use miette::Result;
 use serde_json::json;
 
-/// Check whether this machine is fit for real time, and say what to change and why.
+/// Check whether this computer is suited for real time, with advice and reasons.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom doctor")]
 pub struct Doctor {

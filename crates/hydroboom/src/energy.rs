@@ -10,8 +10,8 @@ use hydroboom_model::Scheme;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// Audit the energy of a fast motion cycle, change = pump work - losses + mass defects; and say what
-/// damping the time steps add of their own.
+/// Check the energy balance of a fast motion cycle (change = pump work - losses + mass defects), and measure the
+/// numerical damping of the integration schemes.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom energy --step-us 500,250")]
 pub struct Energy {

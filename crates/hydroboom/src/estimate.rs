@@ -15,8 +15,8 @@ use miette::{IntoDiagnostic, Result, bail};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Estimate states and parameters along a recorded log, with bounds, and say whether they can be relied on, which signal is off, and what the motion could not
-/// tell.
+/// Estimate states and parameters along a recorded log, with bounds; judge consistency, name faulty signals and
+/// unobservable quantities.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom estimate --log lift.csv --out lift.html\n  hydroboom estimate --crane my-crane.toml --log lift.mcap \

@@ -22,7 +22,8 @@ const FAST: &str = "fast";
 /// Scenario of eight hours, which is run only if named.
 const SHIFT: &str = "shift";
 
-/// Is the state estimator consistent: are innovations and errors on virtual cranes of the size that its covariance says?
+/// Test the consistency of the state estimator on virtual cranes: innovations and estimation errors against its
+/// covariance.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom estimator --family 12 --seed 7\n  \
     hydroboom estimator --family 4 --course payload-change,load-in-motion --strategy benchmark-closed-loop\n  \
@@ -30,7 +31,7 @@ const SHIFT: &str = "shift";
 pub struct Estimator {
     #[command(flatten)]
     crane: CraneFile,
-    /// Number of virtual cranes around the machine.
+    /// Number of virtual cranes, drawn at random around the machine.
     #[arg(long, value_name = "COUNT", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     family: u64,
     /// Seed of the family.
@@ -39,11 +40,10 @@ pub struct Estimator {
     /// Number of the first crane.
     #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=1_000_000_000))]
     from: u64,
-    /// Courses: slow, fast (the motion at both speeds), or scenarios as `hydroboom scenarios` lists them; all but shift when not
-    /// given.
+    /// Courses: slow, fast (the motion at both speeds), or names from `hydroboom scenarios`. Default: all but shift.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     course: Vec<String>,
-    /// Strategy that moves the cranes; the estimator looks on.
+    /// Strategy that controls the cranes while the estimator runs.
     #[arg(long, value_parser = strategies(), default_value = Strategy::ScheduledLqr.name())]
     strategy: Strategy,
     /// Print JSON.

@@ -38,15 +38,14 @@ pub struct Faults {
     /// Pairs of faults too: every fault with operator loss, emergency stop and missed periods 20 ms later.
     #[arg(long)]
     pairs: bool,
-    /// In place of faults: healthy virtual cranes of the family, so many, along every course; nothing may
-    /// stop them.
+    /// Number of healthy virtual cranes to run along every course in place of faults; every stop is a false alarm.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000), conflicts_with_all = ["only", "all", "pairs", "report"])]
     healthy: Option<u64>,
     /// Seed of the family.
     #[arg(long, default_value_t = 1, requires = "healthy")]
     seed: u64,
-    /// Only under this strategy; can be repeated. Where none is named faults come under every strategy, and
-    /// healthy cranes run under the benchmark and simulation feedforward in closed loop.
+    /// Only under this strategy; can be repeated. Default: all strategies for faults, benchmark and simulation
+    /// feedforward in closed loop for healthy cranes.
     #[arg(long, value_parser = strategies())]
     strategy: Vec<Strategy>,
     /// Report to write (HTML): every case.

@@ -24,14 +24,16 @@ use miette::{IntoDiagnostic, Result, bail, miette};
 use serde_json::json;
 use std::path::Path;
 
-/// Identify a crane from one closed-loop cycle or from a log, and compare what feedforward and iterative learning control make of it.
+/// Identify a crane from one closed-loop cycle or from a log, and compare feedforward and iterative learning control.
 ///
-/// The cycle runs under the scheduled LQR. Then the machine is commanded without feedback: by the model as described, with the estimates of the
-/// state estimator, by the model identified from the cycle, and by the cycle's own commands, corrected by iterative learning control; from the rest
-/// that the cycle began from, and without a reset, from the oil's state that the cycle has left.
+/// The cycle runs under the scheduled LQR. Then the machine is commanded without feedback, by feedforward from the
+/// described model, from the estimates of the state estimator and from the identified model, and by the commands of
+/// the cycle with corrections of iterative learning control. Each starts from the initial state of the cycle, and once
+/// more without a reset, from the state of the oil at its end.
 ///
-/// With --log the machine is identified from the log, and the cycles are run on the virtual crane of the identified model. A log that no model near the crane
-/// file's shows is refused. docs/iterative-learning-control.md has method, conditions and limits.
+/// With --log the machine is identified from the log, and the cycles run on the virtual crane of the identified model.
+/// A log that no model near the crane file reproduces is refused. docs/iterative-learning-control.md has method,
+/// conditions and limits.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134\n  \
@@ -41,30 +43,32 @@ use std::path::Path;
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, or a file with a `[set]` table of overrides of the virtual crane; when not given, the virtual crane: that of the crane file (typical drive,
-    /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
+    /// Crane file of the plant, or a file with a `[set]` table of overrides of the virtual crane. Default: the virtual
+    /// crane of the crane file (typical drive, valve, sensors and fieldbus where the file has none), without --crane
+    /// the paper's.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<InputFile>,
-    /// Number of virtual cranes of a Monte Carlo family, in its place.
+    /// Number of virtual cranes of a Monte Carlo family, in place of one plant.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,
-    /// One of them alone, by its number; can be repeated.
+    /// One crane of the family, by its number; can be repeated.
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(0..10_000), conflicts_with_all = ["plant", "family"])]
     member: Vec<u64>,
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Identify the machine from this log, of `run`, `motion --log` or a machine's own.
+    /// Log to identify the machine from: of `run`, of `motion --log`, or of a machine.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["plant", "family", "member"])]
     log: Option<InputFile>,
     #[command(flatten)]
     mapping: LogMapping,
     #[command(flatten)]
     window: LogWindow,
-    /// Folder for the commands that feedforward from the log's model proposes: a CSV for each speed, as `hydroboom simulate --input` takes it.
+    /// Folder for the proposed feedforward commands of the identified model: a CSV file for each speed, as input of
+    /// `hydroboom simulate --input`.
     #[arg(long, value_name = "DIR", requires = "log")]
     out: Option<OutputFolder>,
-    /// The crane's own motion at this speed; at its slow and its fast one when not given.
+    /// Speed of the crane's motion. Default: its slow and its fast speed.
     #[arg(long, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Print JSON.

@@ -27,8 +27,7 @@ pub struct Linearise {
     /// Motor speed: -20000 to 20000 rpm.
     #[arg(long, default_value_t = 0.0, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
-    /// Let the crane move for so long under the motor speed first; by default a second unless it
-    /// rests.
+    /// Duration of motion under the motor speed before the operating point. Default: 1 s; 0 at zero motor speed.
     #[arg(long, value_parser = number::within(0.0..=3600.0, "s"))]
     settle_s: Option<f64>,
     /// 3/2 valve: 1 energised, 0 load held.

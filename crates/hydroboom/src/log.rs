@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Look at logs of machines, and convert those of `hydroboom run`.
+/// Inspect logs of machines, and convert those of `hydroboom run`.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom log inspect lift.csv --mapping-out lift.toml\n  \
     hydroboom log to-csv run.mcap --out run.csv")]
@@ -22,7 +22,7 @@ pub struct Log {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Say what a log has (CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP), and propose a mapping of columns to signals.
+    /// List the columns of a log (CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP), and propose a mapping to signals.
     Inspect(Inspect),
     /// Write a log of `hydroboom run` as CSV.
     ToCsv(ToCsv),

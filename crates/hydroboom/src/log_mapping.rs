@@ -16,10 +16,10 @@ use std::path::Path;
 /// The options that say which column of a log is which signal.
 #[derive(Args, Clone)]
 pub struct LogMapping {
-    /// Mapping: a TOML file with a table `log`; what it does not name is guessed.
+    /// Mapping: a TOML file with a table `log`; signals that it does not name are guessed.
     #[arg(long, value_name = "FILE")]
     mapping: Option<InputFile>,
-    /// Interval of the rows of a text file, where no column tells their time; takes precedence over a time column.
+    /// Interval of the rows of a text file without a time column; takes precedence over a time column.
     #[arg(long, value_name = "MS", value_parser = sample_time)]
     sample_time_ms: Option<f64>,
 }
@@ -96,10 +96,10 @@ fn expected(crane: &Description) -> Option<Expected> {
 /// The options that choose a part of a log.
 #[derive(Args, Clone, Copy)]
 pub struct LogWindow {
-    /// Use the log from here; from its beginning when not given.
+    /// Beginning of the used part of the log. Default: its first sample.
     #[arg(long, value_parser = number::within(number::LOG_TIME, "s"))]
     from_s: Option<f64>,
-    /// Use the log to here; to its end when not given.
+    /// End of the used part of the log. Default: its last sample.
     #[arg(long, value_parser = number::within(number::LOG_TIME, "s"))]
     to_s: Option<f64>,
 }

@@ -9,16 +9,16 @@ use hydroboom_virtual_crane::VirtualCrane;
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::path::PathBuf;
 
-/// Play the machine: the virtual crane in real time, in a process of its own (`run` starts it).
+/// Simulate a machine: the virtual crane in real time, in another process (started by `run`).
 #[derive(Args)]
 pub struct Machine {
     #[command(flatten)]
     crane: CraneFile,
-    /// Play the virtual crane of the crane file: typical drive, valve, sensors and fieldbus stand in for
-    /// what the file leaves out.
+    /// Use the virtual crane of the crane file, with typical drive, valve, sensors and fieldbus where the file has
+    /// none.
     #[arg(long = "virtual")]
     is_virtual: bool,
-    /// Memory shared with the executive, which makes it.
+    /// Shared memory, created by the executive.
     #[arg(long, value_name = "FILE")]
     shared: PathBuf,
 }

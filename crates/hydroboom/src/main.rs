@@ -54,7 +54,7 @@ use miette::{MietteHandlerOpts, Result};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-/// Simulates an electro-hydraulic crane with a flexible boom, and steers with it.
+/// Simulation and real-time control of electro-hydraulic cranes with a flexible boom.
 #[derive(Parser)]
 #[command(version, after_help = "Start with: hydroboom study")]
 struct Arguments {

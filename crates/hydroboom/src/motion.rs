@@ -28,7 +28,8 @@ use std::path::Path;
 /// Argument for the virtual crane, and name of the embedded one.
 const VIRTUAL: &str = "virtual";
 
-/// Tests 1 to 3 and ours: five strategies at both speeds, on a plant that may differ from the model.
+/// Compare five control strategies (the paper's tests 1 to 3, and the scheduled LQR) at both speeds, on a plant that
+/// may differ from the model.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom motion --plant-set payload.mass_kg=340 --out motion\n  \
@@ -39,23 +40,23 @@ const VIRTUAL: &str = "virtual";
 pub struct MotionTests {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, or a file with a `[set]` table of overrides, or `virtual` for the virtual
-    /// crane: that of the crane file (typical drive, valve, sensors and fieldbus stand in for what it leaves
-    /// out), the paper's without --crane; the model itself when not given.
+    /// Crane file of the plant, a file with a `[set]` table of overrides, or `virtual`: the virtual crane of the crane
+    /// file (typical drive, valve, sensors and fieldbus where the file has none), without --crane the paper's.
+    /// Default: the model itself.
     #[arg(long, value_name = "FILE")]
     plant: Option<InputFile>,
-    /// Run on so many virtual cranes around the plant (the virtual crane when not given) instead.
+    /// Number of virtual cranes, drawn at random around the plant, in place of one. Default plant: the virtual crane.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     family: Option<u64>,
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Vary what the model is sure of too: stiffness of beam and base, dead volumes, errors of the pressure transducers, lag of the sensors, delay of
-    /// the fieldbus.
+    /// Also vary stiffness of beam and base, dead volumes, errors of the pressure transducers, lag of the sensors and
+    /// delay of the fieldbus.
     #[arg(long, requires = "family")]
     widened: bool,
-    /// Beside the strategies, in a family, what they are compared with: the benchmark with designed gains, without and with an input shaper, LQG, linear and nonlinear
-    /// MPC; and the time that each takes for a control period (docs/baselines.md).
+    /// In a family, add baselines: the benchmark with designed gains, without and with an input shaper, LQG, linear
+    /// and nonlinear MPC; and the computing time of each for a control period (docs/baselines.md).
     #[arg(long, requires = "family")]
     baselines: bool,
     /// Its name before.
@@ -64,18 +65,17 @@ pub struct MotionTests {
     /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
-    /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
-    /// the paper's on another crane that is not tuned with them.
+    /// Use the benchmark gains of the crane file. By default, gains of `hydroboom design --benchmark` replace the
+    /// placeholders of a new file, and the paper's gains on another crane for which they are not tuned.
     #[arg(long)]
     gains_as_given: bool,
     /// Override a key of the plant only; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     plant_set: Vec<String>,
-    /// Write motion.html, with figures 24 to 27 and on the virtual crane 18 to 23, or family.html into
-    /// this folder.
+    /// Folder for motion.html (figures 24 to 27, on the virtual crane also 18 to 23) or family.html.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
-    /// Write the time series of every run, as CSV, into this folder.
+    /// Folder for the time series of every run, as CSV.
     #[arg(long, value_name = "DIR", conflicts_with = "family")]
     log: Option<OutputFolder>,
     /// Print JSON.

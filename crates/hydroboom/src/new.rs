@@ -9,7 +9,7 @@ use hydroboom_description::{Description, PATU_LIFT, as_placeholders};
 use miette::Result;
 use std::path::Path;
 
-/// What the crane file is to describe.
+/// Circuit described by the crane file.
 #[derive(Clone, Copy, ValueEnum)]
 enum Circuit {
     /// A pump of its own: the paper's crane.

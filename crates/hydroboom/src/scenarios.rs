@@ -15,7 +15,7 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// List what cranes do all day, or run one of these scenarios under all strategies.
+/// List the test scenarios, or run one of them under all strategies.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom scenarios\n  hydroboom scenarios reversal\n  \
     hydroboom virtual --scenario payload-change --log out.csv")]
@@ -24,7 +24,7 @@ pub struct Scenarios {
     crane: CraneFile,
     /// Scenario to run on the virtual crane; the list when not given.
     name: Option<String>,
-    /// Crane file of the model that the controllers know; the paper's crane when not given.
+    /// Crane file of the controllers' model. Default: the paper's crane.
     #[arg(long, value_name = "FILE")]
     model: Option<InputFile>,
     /// Print JSON.

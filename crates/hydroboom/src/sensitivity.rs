@@ -21,8 +21,8 @@ use maud::html;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
 
-/// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency: the machine is re-run with each at both ends of what is
-/// known of it; exact slopes; and globally Sobol indices.
+/// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency, at both ends of each
+/// parameter's range, by exact derivatives, and globally by Sobol indices.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom sensitivity\n  hydroboom sensitivity --outputs eigenfrequency,tracking-benchmark-closed-loop \
@@ -34,10 +34,11 @@ pub struct Sensitivity {
     /// Outputs, with commas between them: eigenfrequency, tracking-STRATEGY, pressure-STRATEGY; all when not given.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     outputs: Vec<String>,
-    /// Tracking error and p_A of these strategies, with commas between them, in place of --outputs. The scheduled LQR is re-run, and has no slopes and indices.
+    /// Tracking error and p_A of these strategies, separated by commas, in place of --outputs. The scheduled LQR has no
+    /// derivatives and indices.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "outputs")]
     strategy: Vec<Strategy>,
-    /// Keys that vary, with commas between them; those that logs usually tell something of when not given.
+    /// Keys to vary, separated by commas. Default: those that logs usually determine.
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     keys: Vec<String>,
     /// Speed of the motion; the crane's fast one when not given: 0.1 to 10000 mm/s.

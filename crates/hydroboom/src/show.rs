@@ -8,7 +8,8 @@ use serde_json::json;
 
 /// Show every key of a crane with its value, unit, range and provenance.
 ///
-/// A range is the crane file's, or a default spread about the value where it says so; a key without one has its value only.
+/// A range is that of the crane file, or a default spread about the value (marked); a key without one has its value
+/// only.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom show --set boom.segments=10")]
 pub struct Show {

@@ -37,7 +37,7 @@ pub struct Simulate {
     /// Run a scenario under velocity feedforward; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input", "hold_s"])]
     scenario: Option<String>,
-    /// Hold a constant input for so many seconds: 0.001 to 1e7 s.
+    /// Duration of a constant input: 0.001 to 1e7 s.
     #[arg(long, value_parser = number::within(number::DURATION, "s"))]
     hold_s: Option<f64>,
     /// Motor speed of --hold-s: -20000 to 20000 rpm.
@@ -49,7 +49,7 @@ pub struct Simulate {
     /// Piston position to start from; the motion's start when not given: 0 to 20000 mm.
     #[arg(long, value_parser = number::within(number::STROKE, "mm"))]
     start_mm: Option<f64>,
-    /// How to move in time.
+    /// Integration scheme.
     #[arg(long, value_enum, default_value = "implicit")]
     scheme: SchemeName,
     /// Step; by default the scheme's own: 0.1 to 100000 us.

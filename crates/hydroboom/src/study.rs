@@ -18,17 +18,18 @@ use std::time::Instant;
 pub struct Study {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of a further plant, a virtual crane that stands in for the real one; the embedded one for the paper's crane, else none.
+    /// Crane file of a virtual crane as a further plant. Default: the embedded one for the paper's crane, otherwise
+    /// none.
     #[arg(long, value_name = "FILE", visible_alias = "virtual-crane")]
     plant: Option<InputFile>,
-    /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
-    /// the paper's on another crane that is not tuned with them.
+    /// Use the benchmark gains of the crane file. By default, gains of `hydroboom design --benchmark` replace the
+    /// placeholders of a new file, and the paper's gains on another crane for which they are not tuned.
     #[arg(long)]
     gains_as_given: bool,
     /// Folder for report.html, and for its figures as SVG and CSV.
     #[arg(long, value_name = "DIR", default_value = "study")]
     out: OutputFolder,
-    /// Write the time series of every motion, as CSV, into this folder.
+    /// Folder for the time series of every motion, as CSV.
     #[arg(long, value_name = "DIR")]
     log: Option<OutputFolder>,
     /// Print JSON.

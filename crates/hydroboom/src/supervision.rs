@@ -17,8 +17,8 @@ use hydroboom_realtime::reactions::{ReactionEffect, ideal_second_line, reaction_
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// Show what supervision derives from a crane file: limits, the release of the load, what the monitors
-/// can find, and what each reaction does.
+/// Show the supervision of a crane file: limits, release of the load, detectable faults of the monitors, and the effect
+/// of each reaction.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom supervision --crane my-crane.toml\n  hydroboom supervision --reactions"
@@ -26,12 +26,12 @@ use serde_json::json;
 pub struct Supervision {
     #[command(flatten)]
     crane: CraneFile,
-    /// Show what can be found against this machine's own baseline of delivered flow, as recorded by
-    /// `hydroboom run --record-baseline`.
+    /// Baseline of this machine's delivered flow, recorded by `hydroboom run --record-baseline`, for the detectable
+    /// faults.
     #[arg(long, value_name = "FILE")]
     baseline: Option<InputFile>,
-    /// Compute what each reaction does to the simulated machine at its slow and its fast speed, and
-    /// what a monitor behind an unproven release would leave; a minute.
+    /// Compute the effect of each reaction on the simulated machine at its slow and its fast speed, and that of a
+    /// release without proof of balance; takes a minute.
     #[arg(long)]
     reactions: bool,
     /// Print JSON.

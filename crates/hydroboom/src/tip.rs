@@ -26,7 +26,8 @@ const OUTLIER_DEVIATIONS: f64 = 3.5;
 /// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
 
-/// Fit the numbers of the tip's estimator (base, bending, zero of the stroke) to a survey, or test the estimated tip on virtual cranes, each surveyed by itself.
+/// Fit the parameters of the tip estimator (base, bending, zero of the stroke) to a survey, or test the estimated tip
+/// on virtual cranes with a survey of each.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom virtual --survey survey.csv\n  \
     hydroboom tip --survey survey.csv --out surveyed.toml\n  \
@@ -34,7 +35,8 @@ const INTERVAL: f64 = 1.96;
 pub struct Tip {
     #[command(flatten)]
     crane: CraneFile,
-    /// Survey: a CSV file with stroke_mm, payload_kg, tip_x_mm, tip_y_mm, deviation_mm (docs/reference/estimation.md).
+    /// Survey: a CSV file with stroke_mm, payload_kg, tip_x_mm, tip_y_mm, deviation_mm
+    /// (docs/reference/estimation.md).
     #[arg(
         long,
         value_name = "FILE",
@@ -42,19 +44,20 @@ pub struct Tip {
         conflicts_with = "family"
     )]
     survey: Option<InputFile>,
-    /// Crane file to write with the fitted keys of section tip; with --family, folder for the page with table and figure.
+    /// Crane file to write with the fitted keys of section tip. With --family: folder for the page with table and
+    /// figure.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-    /// Number of virtual cranes around the machine.
+    /// Number of virtual cranes, drawn at random around the machine.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     family: Option<u64>,
     /// Number of the first crane.
     #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=1_000_000_000))]
     from: u64,
-    /// Seed of the family, and of what is drawn of a survey's noise.
+    /// Seed of the family, and of the noise of the surveys.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Vary stiffness of beam and base, dead volumes, sensors and fieldbus too.
+    /// Also vary stiffness of beam and base, dead volumes, sensors and fieldbus.
     #[arg(long, requires = "family")]
     widened: bool,
     /// Standard deviation of each surveyed coordinate of the family's cranes: 0.001 to 100 mm.
@@ -63,7 +66,7 @@ pub struct Tip {
     /// Scenario in place of the fast motion; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", requires = "family")]
     scenario: Option<String>,
-    /// Strategy that moves the cranes; the estimator looks on.
+    /// Strategy that controls the cranes while the estimator runs.
     #[arg(long, value_parser = strategies(), default_value = Strategy::ScheduledLqr.name())]
     strategy: Strategy,
     /// Print JSON.

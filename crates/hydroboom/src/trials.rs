@@ -16,37 +16,39 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// What is tried.
+/// Kind of trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// Delays, noise, friction, limits, loads that change in motion.
+    /// Robustness: delays, noise, friction, limits, load changes in motion.
     Robustness,
-    /// The published trapezoid, S-curves, and input shaping, by what they leave of the tip's vibration.
+    /// Residual vibration of the tip with the published trapezoid, S-curves and input shaping.
     Shaping,
 }
 
-/// Trials on the virtual crane of the crane file, the paper's without --crane: what is hard for a controller, or what a smoother reference is worth.
+/// Run trials on the virtual crane of the crane file (without --crane the paper's): robustness of the controllers, or
+/// residual vibration by reference profile.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom trials robustness --baselines --out trials\n  hydroboom trials shaping"
 )]
 pub struct Trials {
-    /// What is tried.
+    /// Kind of trial.
     #[arg(value_enum, required_unless_present = "rivals")]
     what: Option<What>,
     #[command(flatten)]
     crane: CraneFile,
-    /// Beside the benchmark and the scheduled LQR: the benchmark with designed gains, without and with an input shaper, LQG, linear and nonlinear MPC (docs/baselines.md).
+    /// Add baselines to the benchmark and the scheduled LQR: the benchmark with designed gains, without and with an
+    /// input shaper, LQG, linear and nonlinear MPC (docs/baselines.md).
     #[arg(long)]
     baselines: bool,
     /// Its name before.
     #[arg(long, hide = true)]
     rivals: bool,
-    /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
-    /// the paper's on another crane that is not tuned with them.
+    /// Use the benchmark gains of the crane file. By default, gains of `hydroboom design --benchmark` replace the
+    /// placeholders of a new file, and the paper's gains on another crane for which they are not tuned.
     #[arg(long)]
     gains_as_given: bool,
-    /// Write trials.html into this folder.
+    /// Folder for trials.html.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
     /// Print JSON.

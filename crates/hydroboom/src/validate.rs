@@ -21,8 +21,8 @@ use maud::html;
 use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
 
-/// Drive the model by a log's motor speed and valve, and say how position and pressures differ, and what
-/// would take the difference away.
+/// Drive the model by a log's motor speed and valve; report the differences of position and pressures, faulty signals,
+/// and keys that would reduce the differences.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom validate --log lift.csv\n  hydroboom validate --crane my-crane.toml \

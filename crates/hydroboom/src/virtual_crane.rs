@@ -28,8 +28,8 @@ pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
         .try_map(|name| name.parse::<Strategy>())
 }
 
-/// Run the virtual crane, which stands in for a real one, and log what its sensors see and the state
-/// estimator makes of that.
+/// Simulate the virtual crane, a substitute for a real one; log its sensor signals and the estimates of the state
+/// estimator.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom virtual --log out.csv\n  \
     hydroboom virtual --strategy benchmark-closed-loop --speed-mm-s 25 --truth --log out.csv\n  \
@@ -38,7 +38,7 @@ pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
 pub struct Virtual {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the model that the controllers know; the paper's crane when not given.
+    /// Crane file of the controllers' model. Default: the paper's crane.
     #[arg(long, value_name = "FILE")]
     model: Option<InputFile>,
     /// Override a key of that model, e.g. --model-set estimator.payload_drift_percent=2; can be repeated.
@@ -51,7 +51,7 @@ pub struct Virtual {
     /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
     #[arg(long, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
-    /// How the motor's speed is found.
+    /// Control strategy.
     #[arg(long, value_parser = strategies(), default_value = "velocity-feedforward")]
     strategy: Strategy,
     /// Run a scenario; `hydroboom scenarios` lists them.

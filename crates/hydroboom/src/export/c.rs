@@ -10,8 +10,8 @@ use hydroboom_export::{
 };
 use miette::{IntoDiagnostic, Result};
 
-/// C99: a header and a source with the whole crane, the same in two blocks, the benchmark controller, simulation
-/// feedforward with the crane that it simulates, and the scheduled LQR with its state estimator.
+/// Write C99: a header and a source with the crane (whole, and as hydraulics and boom), the benchmark controller,
+/// simulation feedforward with its simulated crane, and the scheduled LQR with its state estimator.
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
@@ -23,11 +23,11 @@ pub struct C {
     /// Folder to write to.
     #[arg(long, value_name = "DIR")]
     out: OutputFolder,
-    /// Compute in float instead of double: no longer the numbers that Rust computes.
+    /// Single precision (float): results then differ from those of Rust.
     #[arg(long)]
     single: bool,
-    /// What all names of the header begin with, and the files' names where it is not hb_: cranes with prefixes of their own fit
-    /// into one program.
+    /// Prefix of all names in the header, and of the files if it is not hb_. Several cranes with different prefixes
+    /// fit into one program.
     #[arg(long, value_name = "NAME", default_value = "hb_", value_parser = prefix)]
     prefix: Prefix,
     /// Print JSON.

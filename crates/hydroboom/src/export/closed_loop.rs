@@ -20,26 +20,26 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::path::Path;
 
-/// A controller as exported.
+/// Target of an exported controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// The benchmark as Rust runs it.
+    /// Benchmark in Rust.
     Rust,
-    /// Simulation feedforward as Rust runs it.
+    /// Simulation feedforward in Rust.
     RustSimulationFeedforward,
-    /// The scheduled LQR as Rust runs it, given the reference of the next 0.8 s and on.
+    /// Scheduled LQR in Rust, with the full preview of the reference (at least 0.8 s).
     RustScheduledLqr,
-    /// The benchmark in C.
+    /// Benchmark in C.
     C,
     /// Simulation feedforward in C.
     CSimulationFeedforward,
-    /// The scheduled LQR in C, given the reference of the next 0.8 s and on.
+    /// Scheduled LQR in C, with the full preview of the reference (at least 0.8 s).
     CScheduledLqr,
-    /// The same, given no reference to come.
+    /// Scheduled LQR in C, without a preview of the reference.
     CScheduledLqrWithoutPreview,
-    /// The same with it, in float.
+    /// Scheduled LQR in C, with the preview, in single precision.
     CScheduledLqrSingle,
-    /// The benchmark as an FMU.
+    /// Benchmark as an FMU.
     Fmu,
     /// Simulation feedforward as an FMU.
     FmuSimulationFeedforward,
@@ -61,8 +61,8 @@ const ALL: [What; 10] = [
 /// Control periods of preview for the scheduled LQR.
 const PREVIEW: usize = PERIODS_AHEAD;
 
-/// Run exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
-/// wrong inputs and changed gains, against computed bounds.
+/// Run exported controllers in closed loop with the virtual crane, with holding and release at any position, wrong
+/// inputs and changed gains, and compare with computed bounds.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom export closed-loop\n  hydroboom export closed-loop --target c --only stroke --csv table.csv\n  \

@@ -9,7 +9,7 @@ use hydroboom_export::{
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// What model and controller cost: operations by kind, of each part and each call.
+/// Count the operations of model and controllers by kind, for each part and each call.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export count --set friction.law=lugre")]
 pub struct Count {

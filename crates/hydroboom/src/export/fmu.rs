@@ -13,18 +13,18 @@ use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// What an FMU is of.
+/// Content of an FMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// The crane: motor speed and valve in, position, pressures, forces out.
+    /// Crane: inputs motor speed and valve; outputs position, pressures and forces.
     Model,
-    /// The same under another name: a crane that differs from the model, to be steered.
+    /// The same under another name: a controlled plant that differs from the model.
     Plant,
-    /// The benchmark controller: reference and what is measured in, motor speed out.
+    /// Benchmark controller: inputs reference and measurements; output motor speed.
     Controller,
-    /// The same with the crane that it simulates, whose motor speed is the feedforward.
+    /// The same with the simulated crane, whose motor speed is the feedforward.
     SimulationFeedforward,
-    /// The scheduled LQR with its state estimator: the reference as far ahead as it is known, too.
+    /// Scheduled LQR with its state estimator; a preview of the reference is a further input.
     ScheduledLqr,
     /// Refused: it is exported no more.
     #[value(hide = true)]
@@ -41,7 +41,8 @@ impl What {
     }
 }
 
-/// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux, and for Windows where MinGW is here.
+/// Write an FMU for co-simulation (FMI 2.0 or 3.0) with its C source and a binary for Linux, and one for Windows if
+/// MinGW is installed.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export fmu --what plant \
@@ -50,7 +51,7 @@ impl What {
 pub struct Fmu {
     #[command(flatten)]
     crane: CraneFile,
-    /// What the FMU is of.
+    /// Content of the FMU.
     #[arg(long, value_enum)]
     what: What,
     /// Version of FMI.

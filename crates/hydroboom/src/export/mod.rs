@@ -16,7 +16,7 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Write model and controller as source code for other systems: the same numbers, from the one model.
+/// Write model and controllers as source code for other systems.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom export count\n  hydroboom export st --crane my-crane.toml --out generated\n  hydroboom export c --crane my-crane.toml --out generated\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export closed-loop"

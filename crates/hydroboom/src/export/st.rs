@@ -10,8 +10,8 @@ use hydroboom_export::{
 };
 use miette::{IntoDiagnostic, Result};
 
-/// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, the controllers (benchmark, simulation feedforward, scheduled LQR) and the simulation that steers, with two
-/// tasks, and what they call; plain text (a file each, and all in one), TwinCAT 3 files, and one PLCopen XML.
+/// Write IEC 61131-3 Structured Text: function blocks of hydraulics, boom, simulated crane and controllers (benchmark,
+/// simulation feedforward, scheduled LQR), with two tasks; as plain text, TwinCAT 3 files and PLCopen XML.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
     docs/how-to/export-twincat.md shows how it gets into TwinCAT 3")]
@@ -21,7 +21,7 @@ pub struct St {
     /// Folder to write to.
     #[arg(long, value_name = "DIR")]
     out: OutputFolder,
-    /// Single precision: `REAL` for `LREAL`, for controllers without the longer type; without the test bench.
+    /// Single precision: `REAL` for `LREAL`, for controllers without double precision; without the test bench.
     #[arg(long)]
     single: bool,
     /// Print JSON.

@@ -52,7 +52,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 
-/// Run the motion in real time on a machine: the virtual crane in a process of its own, or whatever speaks the local interface.
+/// Run the motion in real time on a machine: the virtual crane in another process, or one on the local interface.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
@@ -63,23 +63,24 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// The machine: virtual or virtual:FILE, the virtual crane (of that crane file); udp:PORT, another process
-    /// that speaks the local interface (docs/reference/machine-interface.md); or ethercat:INTERFACE, devices at that
-    /// network interface (docs/reference/ethercat-table.md). A bare FILE is virtual:FILE; when not given, it is the virtual crane of the crane file (typical drive, valve,
-    /// sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
+    /// The machine: virtual or virtual:FILE, the virtual crane (of that crane file); udp:PORT, another process that
+    /// implements the local interface (docs/reference/machine-interface.md); or ethercat:INTERFACE, devices at that
+    /// network interface (docs/reference/ethercat-table.md). A bare FILE is virtual:FILE. Default: the virtual crane of
+    /// the crane file (typical drive, valve, sensors and fieldbus where the file has none), without --crane the
+    /// paper's.
     #[arg(
         long = "machine", visible_alias = "plant", value_name = "virtual[:FILE]|udp:PORT|ethercat:INTERFACE|FILE",
         value_parser = MachineArgument::parser()
     )]
     machine: Option<MachineArgument>,
     /// With ethercat:INTERFACE: table of the devices on the bus and of their signals
-    /// (docs/reference/ethercat-table.md); the table [machine.ethercat] of the crane file when not given.
+    /// (docs/reference/ethercat-table.md). Default: the table [machine.ethercat] of the crane file.
     #[arg(long, value_name = "FILE")]
     bus: Option<InputFile>,
-    /// How the motor's speed is found.
+    /// Control strategy.
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
     strategy: Strategy,
-    /// Change to this strategy in the middle of the motion, without a bump.
+    /// Strategy to switch to in the middle of the motion (bumpless transfer).
     #[arg(long, value_parser = strategies(), value_name = "STRATEGY", conflicts_with = "dashboard")]
     then: Option<Strategy>,
     /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
@@ -91,42 +92,42 @@ pub struct Run {
     /// Start at once, without waiting for Enter.
     #[arg(long)]
     auto: bool,
-    /// Run it so often, one after the other, and say what drifted or grew.
+    /// Number of cycles in succession; drift of errors and memory is reported.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "dashboard")]
     cycles: Option<u32>,
-    /// With --cycles: reset faults, and go on with the next one.
+    /// With --cycles: reset faults, and continue with the next cycle.
     #[arg(long, requires = "cycles")]
     carry_on: bool,
-    /// Show the run in a browser, and let it be commanded from there, until Ctrl-C.
+    /// Serve a dashboard to show and command the run in a browser, until Ctrl-C.
     #[arg(long, num_args = 0..=1, default_missing_value = "127.0.0.1:8140", value_name = "ADDRESS:PORT")]
     dashboard: Option<SocketAddr>,
-    /// Let the dashboard be reached from other computers, without encryption.
+    /// Accept dashboard connections from other computers, without encryption.
     #[arg(long, requires = "dashboard")]
     allow_remote: bool,
     #[arg(long, value_name = "FILE", hide = true, value_parser = replaced_by_the_estimator)]
     learned: Option<PathBuf>,
-    /// Baseline of this machine's delivered flow, as recorded by --record-baseline: position is compared
-    /// with it in place of the crane file's ranges.
+    /// Baseline of this machine's delivered flow, recorded by --record-baseline. The flow monitor uses it in place of
+    /// the crane file's ranges.
     #[arg(long, value_name = "FILE")]
     baseline: Option<InputFile>,
-    /// Record this machine's delivered flow from the last course into a file, if it went well.
+    /// File for the baseline of this machine's delivered flow, recorded from the last course unless that had a fault.
     #[arg(long, value_name = "FILE")]
     record_baseline: Option<OutputFile>,
-    /// Parameters of the state estimator (oil, unknown flow, drive lag) with their covariance: taken up at the start where the file is there, and written
-    /// at the end.
+    /// Parameters of the state estimator (oil, unknown flow, drive lag) with their covariance: read at the start if the
+    /// file exists, and written at the end.
     #[arg(long, value_name = "FILE", conflicts_with = "replay")]
     parameters: Option<OutputFile>,
     /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
     #[arg(long, value_name = "FILE")]
     log: Option<OutputFile>,
-    /// Show the controller and the supervisor the readings of such a log again, in simulated time.
+    /// Replay the measurements of such a log to controller and supervisor, in simulated time.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["dashboard", "cycles", "log", "scenario"])]
     replay: Option<InputFile>,
     /// Report to write (HTML); after a fault its last second is written beside it, as CSV.
     #[arg(long, value_name = "FILE")]
     report: Option<OutputFile>,
-    /// In simulated time: the same tasks, as fast as they go (with a dashboard: as fast as the clock),
-    /// every time the same.
+    /// Simulated time: the same tasks in one thread, as fast as possible (with a dashboard at the rate of the clock),
+    /// bit-identical in every repetition.
     #[arg(long)]
     simulated_time: bool,
     /// Print JSON.

@@ -34,7 +34,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use toml_edit::DocumentMut;
 
-/// Move keys of a crane file until the model shows what logs do, and say how sure that is.
+/// Fit keys of a crane file to logs (output-error identification), with confidence intervals.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom tune --log lift.csv --free boom.youngs_modulus_gpa,friction.coulomb_n \
@@ -43,21 +43,20 @@ use toml_edit::DocumentMut;
 pub struct Tune {
     #[command(flatten)]
     crane: CraneFile,
-    /// A log; can be repeated, and then all are fitted at once.
+    /// Log; can be repeated, and all logs are fitted together.
     #[arg(long, value_name = "FILE", required = true)]
     log: Vec<InputFile>,
     #[command(flatten)]
     mapping: LogMapping,
     #[command(flatten)]
     window: LogWindow,
-    /// Keys to move, with commas between them; `auto` for those that a log of position and pressures usually tells
-    /// something of.
+    /// Keys to fit, separated by commas; `auto` for those that logs of position and pressures usually determine.
     #[arg(long, value_name = "KEYS", value_delimiter = ',', required = true)]
     free: Vec<String>,
     /// Crane file to write, with provenance `tuned` and the digests of the logs.
     #[arg(long, value_name = "FILE")]
     out: Option<OutputFile>,
-    /// A log that the search does not see: how the model does there, before and after; can be repeated.
+    /// Test log that is not fitted: the model's error on it, before and after the fit; can be repeated.
     #[arg(long, value_name = "FILE")]
     test_log: Vec<InputFile>,
     #[command(flatten)]
@@ -66,10 +65,10 @@ pub struct Tune {
     hold_out: HoldOut,
     #[command(flatten)]
     profiles: Profiles,
-    /// Generations of a global search before the local one, for a model that is far off.
+    /// Generations of a global search (CMA-ES) before the local one, for a model with large errors.
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
     generations: usize,
-    /// Where the search is kept, to go on after Ctrl-C: beside --out where that is given.
+    /// Journal of the search, to continue after Ctrl-C. Default: next to the file of --out.
     #[arg(long, value_name = "FILE")]
     journal: Option<OutputFile>,
     /// Report to write (HTML).
