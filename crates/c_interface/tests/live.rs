@@ -60,13 +60,13 @@ fn python() -> bool {
     is_here
 }
 
-/// The example of docs/how-to/export-c.md, in a folder laid out like the project.
+/// The example of docs/how-to/live-library.md, in a folder laid out like the project.
 #[test]
 fn the_example_in_python_prints_numbers() {
     if !python() {
         return;
     }
-    let text = include_str!("../../../docs/how-to/export-c.md");
+    let text = include_str!("../../../docs/how-to/live-library.md");
     let script = text.split_once("```python\n").unwrap().1.split_once("```").unwrap().0;
     let place = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("example");
     let _ = std::fs::remove_dir_all(&place);
