@@ -22,21 +22,35 @@ const INCREMENTS: u32 = 65_536;
 const DRIFT: [i64; 4] = [0, 50_000, -30_000, 10_000];
 const CLOCK_START: u64 = 77_000_000;
 
-/// The devices of a table on a line.
+/// The devices of a table on a line, which bear so many missed cycles (as object 0x10F1:02 of many drives).
 ///
 /// # Errors
 ///
 /// Which device cannot be simulated, and why.
-pub fn segment(table: &Table, plant: &Rc<RefCell<Plant>>) -> Result<Segment, String> {
-    let devices = (0..table.devices.len()).map(|position| device(table, position, plant));
+pub fn segment(
+    table: &Table,
+    plant: &Rc<RefCell<Plant>>,
+    missed_limit: u32,
+) -> Result<Segment, String> {
+    let device = |position| device(table, position, plant, missed_limit);
+    let devices = (0..table.devices.len()).map(device);
     Ok(Segment::new(devices.collect::<Result<_, _>>()?))
 }
 
-fn device(table: &Table, position: usize, plant: &Rc<RefCell<Plant>>) -> Result<Device, String> {
+fn device(
+    table: &Table,
+    position: usize,
+    plant: &Rc<RefCell<Plant>>,
+    missed_limit: u32,
+) -> Result<Device, String> {
     let row = &table.devices[position];
     let has_clock = row.sync != Sync::None;
-    let synchronisation =
-        Synchronisation { has_sync0: has_clock, has_sync1: has_clock, ..Default::default() };
+    let synchronisation = Synchronisation {
+        has_sync0: has_clock,
+        has_sync1: has_clock,
+        missed_limit,
+        ..Default::default()
+    };
     let identity = Identity {
         vendor: row.vendor,
         product: row.product,

@@ -23,7 +23,8 @@ use std::cell::RefCell;
 use std::process::ExitCode;
 use std::rc::Rc;
 
-const USAGE: &str = "usage: simulated_segment --interface INTERFACE --table FILE [--crane FILE] [--set KEY=VALUE]...";
+const USAGE: &str = "usage: simulated_segment --interface INTERFACE --table FILE [--crane FILE] \
+    [--set KEY=VALUE]... [--missed-cycles COUNT]";
 /// Core and priority under SCHED_FIFO: after bus task and control task, whose core they share.
 const CORE: usize = 0;
 const PRIORITY: i32 = 60;
@@ -44,6 +45,8 @@ fn main() -> ExitCode {
 
 fn run(arguments: impl Iterator<Item = String>) -> Result<(), String> {
     let (mut interface, mut file, mut crane_file, mut sets) = (None, None, None, Vec::new());
+    // what devices bear by default; a computer that is busy with other work needs more
+    let mut missed_limit = 4;
     let mut arguments = arguments;
     while let Some(name) = arguments.next() {
         let value = arguments.next().ok_or(USAGE)?;
@@ -52,6 +55,7 @@ fn run(arguments: impl Iterator<Item = String>) -> Result<(), String> {
             "--table" => file = Some(value),
             "--crane" => crane_file = Some(value),
             "--set" => sets.push(value),
+            "--missed-cycles" => missed_limit = value.parse().map_err(|_| USAGE)?,
             _ => return Err(USAGE.into()),
         }
     }
@@ -79,7 +83,7 @@ fn run(arguments: impl Iterator<Item = String>) -> Result<(), String> {
     start.preload = 0.0;
     let crane = VirtualCrane::new(&crane, &start).map_err(|e| e.to_string())?;
     let plant = Rc::new(RefCell::new(Plant::new(crane)));
-    let mut segment = devices::segment(&table, &plant)?;
+    let mut segment = devices::segment(&table, &plant, missed_limit)?;
     let mut socket = RawSocket::open_for_devices(&interface).map_err(|e| e.to_string())?;
     let granted = [lock_memory(), pin_to(CORE), run_first(PRIORITY)];
     for error in granted.into_iter().filter_map(Result::err) {

@@ -94,11 +94,19 @@ struct Once {
     sum: f64,
     count: u32,
     execution: Vec<u64>,
+    /// State as it was printed last.
+    shown: String,
 }
 
 impl Attendant for Once {
     fn see(&mut self, record: &Record) {
         self.session.see(record);
+        let decision = &record.decision;
+        let now = format!("{:?}, {:?}, {:?}", decision.state, decision.waiting, record.status);
+        if now != self.shown {
+            println!("  {:.3} s {now}", record.time);
+            self.shown = now;
+        }
         if let Some(error) = record.error() {
             self.has_run = true;
             self.sum += error * error;
@@ -136,6 +144,7 @@ fn course(machine: Box<dyn Machine>, name: &str) -> RealTime {
         sum: 0.0,
         count: 0,
         execution: Vec::new(),
+        shown: String::new(),
     };
     let allocations = Allocations::default();
     let machine = Box::new(CountedMachine(machine, allocations.clone()));
@@ -168,7 +177,10 @@ fn course(machine: Box<dyn Machine>, name: &str) -> RealTime {
 
 /// A course over the interfaces.
 fn over_the_bus() {
-    let table = table_of_three();
+    // a computer that is busy with other work loses frames
+    let mut table = table_of_three();
+    table.bus.lost_max = 50;
+    table.devices.iter_mut().for_each(|device| device.watchdog = Some(200_000_000));
     let (stop, is_ready) = (AtomicBool::new(false), AtomicBool::new(false));
     thread::scope(|scope| {
         let devices = scope.spawn(|| play(&table, &stop, &is_ready));

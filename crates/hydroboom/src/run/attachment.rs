@@ -94,30 +94,30 @@ impl Attached {
     pub fn run(
         self,
         model: &Description,
-        (control, simulation): (ControlTask, SimulationTask),
+        tasks: (ControlTask, SimulationTask),
         lookout: Lookout<'_>,
         pace: Pace,
     ) -> Ran {
         let n = &model.numbers;
         let periods = (n.simulation_period, n.control_period);
-        let in_real_time = |machine: Box<dyn Machine>, lookout| {
-            let placement = Placement::default();
+        let in_real_time = |tasks: (ControlTask, SimulationTask), machine, lookout| {
+            let ((control, simulation), placement) = (tasks, Placement::default());
             let tasks = Tasks { control, simulation, machine, periods, placement };
             executive::run(tasks, lookout, &mut |_| ()).into_diagnostic()
         };
         match self {
             Self::InLockstep(bus, side) => {
-                let mut run = LocalLockstep::new((control, simulation), (*bus, side), periods);
+                let mut run = LocalLockstep::new(tasks, (*bus, side), periods);
                 let Ok(_) = lockstep::attend(&mut run, lookout, pace);
                 let came = BusReport::of(&run.bus.endpoint, Vec::new());
                 Ok((None, Some(Came::Local(came))))
             }
             Self::InRealTime(bus, machine) => {
-                let real_time = in_real_time(machine, lookout)?;
+                let real_time = in_real_time(tasks, machine, lookout)?;
                 Ok((Some(real_time), bus.end().map(Came::Local)))
             }
             Self::OnFieldbus(bus, machine) => {
-                let real_time = in_real_time(machine, lookout)?;
+                let real_time = in_real_time(tasks, machine, lookout)?;
                 Ok((Some(real_time), bus.end().map(Box::new).map(Came::Fieldbus)))
             }
         }
