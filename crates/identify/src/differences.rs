@@ -305,7 +305,22 @@ mod tests {
     ) -> Difference {
         let there = (0..3000).filter(|k| is_there(*k));
         let both: Vec<(usize, f64, f64)> = there.map(|k| (k as usize, log(k), model(k))).collect();
-        difference(Signal::PressureA, &both, 0.005, &[true; 3000], 0.0)
+        difference(Signal::PressureA, &both, (0.005, 1), &[true; 3000], 0.0)
+    }
+
+    /// White noise of a log with half the sampling rate: interpolation correlates neighbouring samples, and samples
+    /// between different pairs of readings are independent.
+    #[test]
+    fn interpolated_white_noise_is_white_at_independent_samples() {
+        let read = |k: i32| match k % 2 {
+            0 => scatter(k),
+            _ => 0.5 * (scatter(k - 1) + scatter(k + 1)),
+        };
+        let both: Vec<(usize, f64, f64)> = (0..3000).map(|k| (k as usize, read(k), 0.0)).collect();
+        let judged = |independent: usize| {
+            difference(Signal::PressureA, &both, (0.005, independent), &[true; 3000], 0.0).is_white
+        };
+        assert!(!judged(1) && judged(4));
     }
 
     #[test]
