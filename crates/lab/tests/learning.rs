@@ -105,7 +105,7 @@ fn what_was_run_before_a_stop_is_kept() {
 #[test]
 fn a_log_whose_piston_hardly_moves_is_refused_with_its_travel() {
     let mut model = Description::uia_single_boom().unwrap();
-    model.set_together(["motion.start_mm=50", "motion.end_mm=450"].into_iter()).unwrap();
+    model.set_together(["motion.start_mm=50", "motion.end_mm=450"]).unwrap();
     let looked_at = |stroke: [f64; 6], window: Window| -> Result<LoggedMachine, LabError> {
         let time = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
         let mut log = Signals::default();
