@@ -117,6 +117,31 @@ mod tests {
     use hydroboom_description::Description;
     use nalgebra::DMatrix;
 
+    /// An integrator whose loop has its crossover above the contour's end: the contour has not closed there.
+    #[test]
+    fn turns_of_a_loop_with_gain_at_the_contours_end_are_no_count() {
+        let row = vec![1.0];
+        let (a, b) = (DMatrix::zeros(1, 1), DMatrix::from_element(1, 1, 1.0));
+        let rows = [row.clone(), row.clone(), row];
+        let crane = LinearisedPlant::of(0.1, a, b, rows).unwrap();
+        let around = |gain: f64| Loop::Benchmark {
+            controller: Benchmark {
+                proportional: gain,
+                integral: 0.0,
+                pressure_feedback: 0.0,
+                revolutions_per_metre: 1.0,
+                ..Description::uia_single_boom().unwrap().benchmark()
+            },
+            high_pass: 1.0,
+            actuation: Actuation { delay: 0.0, drive: [0.0; 2], sensor_lag: 0.0 },
+        };
+        let crossover = TAU * HIGHEST;
+        let stable = GrowingPoles { closed_loop: 0, open_loop: 0 };
+        assert_eq!(growing_poles(&crane, &around(0.1 * crossover)).unwrap(), stable);
+        let error = growing_poles(&crane, &around(10.0 * crossover)).unwrap_err().to_string();
+        assert!(error.contains("is no count of poles"), "{error}");
+    }
+
     /// Two oscillators at 1 and 2 Hz beside each other, of which feedback damps the first and drives the second: without it the first grows, with it the second.
     /// Counted as closed loop less open loop they would make up for each other.
     #[test]

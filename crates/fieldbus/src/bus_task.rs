@@ -12,9 +12,9 @@ use crate::machine::FieldbusMachine;
 use crate::start_up::StartError;
 use crate::table::Table;
 use crate::time::now;
-use hydroboom_realtime::failure::{guarded, hand_panics_on, unwind_once};
+use hydroboom_realtime::failure::{guarded, hand_panics_on};
 use hydroboom_realtime::machine::Delay;
-use hydroboom_realtime::posix::{pin_to, run_first};
+use hydroboom_realtime::real_time_thread::prepare;
 use rtrb::Consumer;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -111,16 +111,7 @@ fn run<L: Link>(
     stop: &AtomicBool,
     started: &Sender<HandOver>,
 ) -> Option<BusReport> {
-    unwind_once();
-    let mut remarks = Vec::new();
-    if let Err(error) = pin_to(core) {
-        remarks.push(format!("the bus task is not pinned to core {core} ({error})"));
-    }
-    if let Err(error) = run_first(PRIORITY) {
-        remarks.push(format!(
-            "the bus task has no real-time priority ({error}): others may come first"
-        ));
-    }
+    let mut remarks = prepare("the bus task", core, PRIORITY);
     let mut bus = match Bus::start(table, link) {
         Ok(bus) => bus,
         Err(error) => {

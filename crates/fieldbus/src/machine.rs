@@ -268,15 +268,7 @@ impl BusSide {
 mod tests {
     use super::*;
 
-    const BUS: BusSettings = BusSettings {
-        period: 1_000_000,
-        exchanges: 2,
-        exchange: 100_000,
-        send: 700_000,
-        lost_max: 3,
-        window: 100,
-        brake: 0,
-    };
+    const BUS: BusSettings = BusSettings::OF_TESTS;
 
     #[test]
     fn what_is_handed_over_arrives_as_it_was_and_a_command_is_taken_once() {

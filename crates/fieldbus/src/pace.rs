@@ -80,15 +80,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    const BUS: BusSettings = BusSettings {
-        period: 1_000_000,
-        exchanges: 2,
-        exchange: 100_000,
-        send: 700_000,
-        lost_max: 3,
-        window: 100,
-        brake: 0,
-    };
+    const BUS: BusSettings = BusSettings::OF_TESTS;
 
     /// System time of devices whose clocks run faster by 100 ppm \[ns\].
     fn system(time: u64) -> u64 {

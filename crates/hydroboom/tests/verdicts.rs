@@ -128,6 +128,20 @@ fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
         .collect();
     let there = parsed(&[&offered[..], &["--json"]].concat());
     assert_eq!(there["in_dead_band"], false, "{remark}");
+    // leakage raises the accumulator's pressure while the cylinder is shut, the faster the smaller it is
+    let growth = |litres: &str| {
+        let set = format!("accumulator.volume_l={litres}");
+        let json = parsed(&["linearise", "--stroke-mm", "250", "--json", "--set", &set]);
+        let remark = json["remark"].as_str().unwrap();
+        let (_, rest) = remark.split_once("The growing real pole of ").expect(remark);
+        rest.split(' ').next().unwrap().parse::<f64>().unwrap()
+    };
+    let ratio = growth("5") / growth("10");
+    assert!((ratio - 2.0).abs() < 0.1, "{ratio}");
+    // a second after the motor's start the load still rings: the poles are of an instant
+    assert!(there["remark"].as_str().unwrap().contains("The motion is not steady"), "{there}");
+    let swing = there["pressure_change_bar"].as_f64().unwrap();
+    assert!(swing > 0.02 * there["pressure_a_bar"].as_f64().unwrap(), "{there}");
     // a held load is not in the dead band
     assert_eq!(parsed(&["linearise", "--valve", "0", "--json"])["in_dead_band"], false);
 }

@@ -11,7 +11,8 @@ use crate::endpoint::{Endpoint, Received};
 use crate::failure::{guarded, hand_panics_on};
 use crate::local_machine::{Exchange, LocalMachine};
 use crate::machine::{Link, Outgoing};
-use crate::posix::{now, pin_to, run_first, wait_for_input};
+use crate::posix::{now, wait_for_input};
+use crate::real_time_thread::prepare;
 use hydroboom_machine_interface::datagram::LONGEST;
 use hydroboom_machine_interface::session::Counters;
 use std::io::{self, ErrorKind};
@@ -201,15 +202,7 @@ impl BusTask {
     }
 
     fn run(mut self, core: usize, stop: &AtomicBool) -> BusReport {
-        let mut remarks = Vec::new();
-        if let Err(error) = pin_to(core) {
-            remarks.push(format!("the bus task is not pinned to core {core} ({error})"));
-        }
-        if let Err(error) = run_first(PRIORITY) {
-            remarks.push(format!(
-                "the bus task has no real-time priority ({error}): others may come first"
-            ));
-        }
+        let mut remarks = prepare("the bus task", core, PRIORITY);
         let cycle = guarded(|| {
             while !stop.load(Ordering::Acquire) {
                 self.wait(self.period / LOOKS);

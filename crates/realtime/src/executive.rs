@@ -16,9 +16,7 @@ use crate::desk::Desk;
 use crate::failure::{Failure, guarded, hand_panics_on, unwind_once};
 use crate::machine::{Machine, Outgoing};
 use crate::operator::Operator;
-use crate::posix::{
-    lock_memory, now, pin_to, run_first, stay_awake, stolen, thread_time, wait_until,
-};
+use crate::posix::{lock_memory, now, stay_awake, stolen, thread_time, wait_until};
 use crate::session::{Attendant, Ending, Lookout, Order};
 use crate::simulation_task::{AtRest, Simulated, SimulationTask};
 use crate::slot::Slot;
@@ -237,19 +235,6 @@ impl Drop for ClosesUnattended<'_> {
             self.0.close();
         }
     }
-}
-
-/// Requests real-time privileges for the calling thread. Returns those that the system refused.
-fn prepare(task: &str, core: usize, priority: i32) -> Vec<String> {
-    unwind_once();
-    let mut lost = Vec::new();
-    if let Err(error) = pin_to(core) {
-        lost.push(format!("{task} is not pinned to core {core} ({error}): it may wander"));
-    }
-    if let Err(error) = run_first(priority) {
-        lost.push(format!("{task} has no real-time priority ({error}): others may come first"));
-    }
-    lost
 }
 
 /// Timing of the simulation as reported to the control task \[ns\].

@@ -44,6 +44,7 @@ pub mod parameter_file;
 pub mod posix;
 pub mod reactions;
 pub mod readiness;
+pub mod real_time_thread;
 pub mod replay;
 pub mod session;
 pub mod setup;

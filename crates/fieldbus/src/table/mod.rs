@@ -37,7 +37,7 @@ pub struct BusSettings {
     pub exchange: u64,
     /// Time from SYNC0 to the second exchange \[ns\].
     pub send: u64,
-    /// Cycles of the window in which a lost frame, or one with a low working counter, is borne so many times.
+    /// Largest number of cycles with a lost frame, or with a low working counter, within the window.
     pub lost_max: u32,
     /// Length of that window \[cycles\].
     pub window: u32,
@@ -46,6 +46,18 @@ pub struct BusSettings {
 }
 
 impl BusSettings {
+    /// A bus with two exchanges in a period of 1 ms.
+    #[cfg(test)]
+    pub(crate) const OF_TESTS: Self = Self {
+        period: 1_000_000,
+        exchanges: 2,
+        exchange: 100_000,
+        send: 700_000,
+        lost_max: 3,
+        window: 100,
+        brake: 0,
+    };
+
     /// Periods from sampling to actuation.
     pub fn delay(&self) -> u32 {
         3 - self.exchanges

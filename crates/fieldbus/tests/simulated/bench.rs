@@ -171,12 +171,22 @@ pub struct SimulatedLink {
     pub low: u32,
     /// Emergency that the drive sends as soon as an SDO request reaches it.
     pub emergency: Option<u16>,
+    /// A control task, which runs while the bus task waits.
+    pub control: Option<Box<dyn FnMut()>>,
 }
 
 impl SimulatedLink {
     pub fn new(segment: Segment) -> Self {
         simulate(1_000_000_000);
-        Self { segment, answers: VecDeque::new(), late: None, twice: 0, low: 0, emergency: None }
+        Self {
+            segment,
+            answers: VecDeque::new(),
+            late: None,
+            twice: 0,
+            low: 0,
+            emergency: None,
+            control: None,
+        }
     }
 }
 
@@ -202,6 +212,9 @@ impl Link for SimulatedLink {
     fn wait(&mut self, until: u64) {
         simulate(now().max(until));
         permit_alloc(|| self.segment.advance(now()));
+        if let Some(control) = &mut self.control {
+            control();
+        }
     }
 }
 

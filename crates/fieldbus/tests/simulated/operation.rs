@@ -10,6 +10,8 @@ use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::machine::MachineState;
 use hydroboom_fieldbus::table::{Entry, Pdo, Sync};
 use hydroboom_realtime::machine::Machine;
+use std::cell::RefCell;
+use std::rc::Rc;
 
 /// At rest first, as commands count from there; then a motor speed \[rev/s\].
 fn after_rest(sequence: u64, speed: f64) -> Command {
@@ -69,6 +71,34 @@ fn a_command_acts_as_many_periods_after_its_measurement_as_the_table_says() {
         let sent = if exchanges == 2 { bus_times.send } else { bus_times.exchange };
         let margin = bus.times().margin.value_at_quantile(0.5);
         assert!(margin.abs_diff(bus_times.period - sent) < 5_000, "{margin} ns");
+    }
+}
+
+/// Control that computes while the bus task waits for the exchange of the outputs has its command in that exchange.
+#[test]
+fn a_command_is_taken_when_it_is_due() {
+    for exchanges in [1, 2] {
+        let (mut bus, _) = bus(table(|table| table.bus.exchanges = exchanges));
+        let mut machine = bus.take_machine().unwrap();
+        let steps = Rc::new(RefCell::new(Vec::new()));
+        let seen = Rc::clone(&steps);
+        let mut last = None;
+        bus.link_mut().control = Some(Box::new(move || {
+            let Some(incoming) = machine.read() else { return };
+            let measurement = incoming.measurement;
+            if last.replace(measurement.number) == Some(measurement.number) {
+                return;
+            }
+            let mut seen = seen.borrow_mut();
+            seen.push(measurement.axes[0].signals.motor_speed);
+            let commanded = if seen.len() >= 50 { 8.0 } else { 0.0 };
+            let sequence = seen.len() as u64;
+            machine.write(sequence, &enabled(after_rest(sequence, commanded)));
+        }));
+        (0..60).for_each(|_| bus.cycle());
+        let at = steps.borrow().iter().position(|speed| *speed > 1.0).unwrap();
+        // the command was the answer to measurement 50, which is at 49
+        assert_eq!(at - 49, bus.table().bus.delay() as usize, "{exchanges} exchanges");
     }
 }
 

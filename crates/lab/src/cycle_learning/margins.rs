@@ -132,5 +132,11 @@ mod tests {
             }
         });
         assert!(speed.len() == 1 && speed[0].contains("4200 rpm at 2.500 s"), "{speed:?}");
+        let lost = cycle(&|k, r, _| {
+            if at(k) {
+                r.pressure_a = f64::NAN
+            }
+        });
+        assert!(lost.len() == 1 && lost[0].contains("NaN bar at 2.500 s"), "{lost:?}");
     }
 }

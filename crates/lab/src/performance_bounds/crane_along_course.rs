@@ -186,4 +186,29 @@ mod tests {
             assert!(off.abs() < 1e-9, "{k}: {off} m");
         }
     }
+
+    /// A trapezoid of velocity has two corners at each of its four ramps. The same motion through a moving average
+    /// of 100 ms, which limits its jerk, has none.
+    #[test]
+    fn corners_of_the_reference_are_changes_and_limited_jerk_is_none() {
+        let mut crane = Description::uia_single_boom().unwrap();
+        let n = &mut crane.numbers;
+        (n.rest, n.dwell, n.ramp) = (0.2, 0.2, 0.3);
+        n.motion_end = n.motion_start + 0.1;
+        let motion = crane.motion(crane.numbers.fast);
+        let mut along = CraneAlongCourse::new(&crane, &motion).unwrap();
+        let changes = along.changes();
+        let distinct = changes.windows(2).filter(|pair| pair[1] > pair[0] + 2).count() + 1;
+        assert_eq!(distinct, 8, "{changes:?}");
+        let (sharp, half) = (along.reference.clone(), 50);
+        for k in half..sharp.len() - half {
+            let window = &sharp[k - half..k + half];
+            let mean = |of: fn(&SetPoint<f64>) -> f64| {
+                window.iter().map(of).sum::<f64>() / window.len() as f64
+            };
+            along.reference[k] =
+                SetPoint { position: mean(|s| s.position), velocity: mean(|s| s.velocity) };
+        }
+        assert_eq!(along.changes(), [0; 0]);
+    }
 }
