@@ -73,6 +73,18 @@ impl AxisMeasurement {
         Self { signals, validity }
     }
 
+    /// Signals with the validity that the machine reports. One that is absent or out of range is NaN, whatever value
+    /// came with it, so that nothing takes it for a measured one.
+    pub fn reported(signals: AxisSignals<f64>, validity: AxisSignals<Validity>) -> Self {
+        let mut values = signals.to_array();
+        for (value, validity) in values.iter_mut().zip(validity.to_array()) {
+            if matches!(validity, Validity::Absent | Validity::OutOfRange) {
+                *value = f64::NAN;
+            }
+        }
+        Self { signals: AxisSignals::from_array(values), validity }
+    }
+
     /// With what is outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
     #[must_use]
     pub fn within(mut self, ranges: &AxisSignals<(f64, f64)>) -> Self {
@@ -133,6 +145,11 @@ mod tests {
         assert_eq!(measured.validity.stroke, Validity::OutOfRange);
         assert_eq!(measured.validity.pressure_a, Validity::Absent);
         assert_eq!(measured.validity.motor_speed, Validity::Good);
+        // a machine that calls a value out of range is believed, and what is stale keeps its value
+        let reported = AxisMeasurement::reported(signals, measured.validity);
+        assert!(reported.signals.stroke.is_nan() && reported.signals.pressure_a.is_nan());
+        let old = AxisMeasurement::reported(signals, measured.stale().validity).signals;
+        assert_eq!((old.pressure_b, old.motor_speed), (3e5, 0.0));
         // old signals do not become better by it
         let old = measured.stale().validity;
         assert_eq!((old.stroke, old.pressure_a), (Validity::OutOfRange, Validity::Absent));

@@ -45,8 +45,8 @@ const RECORDS: usize = 4096;
 const INIT: u8 = 1;
 /// Frames by which devices are told to go to INIT, where the ones before were lost.
 const TRIES: u32 = 3;
-/// Cycles for which drives are waited for to switch off before the bus ends.
-const UNTIL_OFF: u32 = 500;
+/// Time for which drives are waited for to switch off before the bus ends, after they may have braked \[ns\].
+const UNTIL_OFF: u64 = 500_000_000;
 /// Signals of an axis; the measured signal after them is the valve's position switch.
 const SIGNALS: usize = MEASURED.len() - 1;
 
@@ -604,7 +604,8 @@ impl<L: Link> Bus<L> {
     /// Ends the bus: drives are switched off, and the devices go to INIT, so that their watchdogs find nothing missing.
     pub fn end(&mut self) {
         self.is_ending = true;
-        for _ in 0..UNTIL_OFF {
+        let bus = &self.table.bus;
+        for _ in 0..(bus.brake + UNTIL_OFF) / bus.period.max(1) {
             self.measure();
             self.decide();
             if !self.drives.iter().any(Drive::is_enabled) {

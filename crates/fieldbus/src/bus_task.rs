@@ -56,11 +56,12 @@ pub struct Started {
     pub records: Consumer<CycleRecord>,
 }
 
-/// A bus in OP, in a thread of its own.
+/// A bus in OP, in a thread of its own. Dropped, it ends the bus.
 #[derive(Debug)]
 pub struct BusThread {
     stop: Arc<AtomicBool>,
-    thread: JoinHandle<Option<BusReport>>,
+    /// None after it has ended.
+    thread: Option<JoinHandle<Option<BusReport>>>,
 }
 
 /// What the thread of a bus hands over once it is in OP.
@@ -84,7 +85,7 @@ impl BusThread {
         let thread = thread::spawn(move || run(table, link, core, &stopped, &started));
         match answer.recv() {
             Ok(Ok((machine, facts, records))) => {
-                Ok(Started { thread: Self { stop, thread }, machine, facts, records })
+                Ok(Started { thread: Self { stop, thread: Some(thread) }, machine, facts, records })
             }
             Ok(Err(error)) => Err(error),
             Err(_) => Err(StartError::Failed("the bus task ended by itself".into())),
@@ -93,13 +94,23 @@ impl BusThread {
 
     /// Whether its thread has ended by itself.
     pub fn has_ended(&self) -> bool {
-        self.thread.is_finished()
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Switches the drives off, brings the devices to INIT, and ends; none where the task failed beyond its cycle.
-    pub fn end(self) -> Option<BusReport> {
+    pub fn end(mut self) -> Option<BusReport> {
+        self.join()
+    }
+
+    fn join(&mut self) -> Option<BusReport> {
         self.stop.store(true, Ordering::Release);
-        self.thread.join().ok().flatten()
+        self.thread.take()?.join().ok().flatten()
+    }
+}
+
+impl Drop for BusThread {
+    fn drop(&mut self) {
+        self.join();
     }
 }
 

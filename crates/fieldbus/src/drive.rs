@@ -83,7 +83,7 @@ impl Drive {
         }
     }
 
-    /// Puts its words into its outputs; the target is nought until it is enabled and in the right mode.
+    /// Puts its words into its outputs; the target is zero until it is enabled.
     pub(crate) fn command(&mut self, outputs: &mut [u8], wanted: Wanted, target: i64) {
         let may_operate = match wanted {
             Wanted::Operation => !self.has_open_stop_circuit,

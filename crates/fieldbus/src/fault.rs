@@ -95,11 +95,11 @@ impl Fault {
                     (_, Some(text)) => format!("{text} (error code 0x{code:04X})"),
                     (_, None) => format!("error code 0x{code:04X}, see its manual"),
                 };
-                format!("{} has a fault: {why}; mend the cause, then a person resets it", name(device))
+                format!("{} has a fault: {why}; remove the cause, then start the bus again", name(device))
             }
             Self::SafeTorqueOff { device } => {
                 format!("the stop circuit of {} was opened: safe torque off, no fault of the drive; \
-                close it, then reset", name(device))
+                close it, then start the bus again", name(device))
             }
             Self::DriveDisabled { device } => {
                 format!("{} switched itself off without a fault: look at its enable inputs and power \
@@ -173,9 +173,10 @@ impl LossWindow {
         self.count > self.most
     }
 
-    /// Whether one more loss would be too many.
+    /// Whether a loss in the next cycle would be too many; its oldest cycle has left the window then.
     pub(crate) fn is_used_up(&self) -> bool {
-        self.count >= self.most
+        let leaving = self.was_lost[(self.at + 1) % self.was_lost.len()];
+        self.count - u32::from(leaving) >= self.most
     }
 
     pub(crate) fn clear(&mut self) {
@@ -195,6 +196,13 @@ mod tests {
         assert!(at(&[0, 4, 9], 10), "three in ten");
         let mut window = LossWindow::new(2, 10);
         assert!(!(0..100).any(|k| window.take(k % 5 == 0)), "two in any ten");
+        // what it says of the next cycle is what the next cycle brings
+        let mut window = LossWindow::new(2, 10);
+        for k in 0..100 {
+            let (is_used_up, mut next) = (window.is_used_up(), window.clone());
+            assert_eq!(next.take(true), is_used_up, "{k}");
+            window.take(k % 5 == 0);
+        }
     }
 
     #[test]

@@ -116,10 +116,10 @@ impl Machine for FieldbusMachine {
         for (axis, words) in measurement.axes.iter_mut().zip(axes.chunks_exact(AXIS_WORDS)) {
             let signals = std::array::from_fn(|k| f64::from_bits(words[k]));
             let validity = std::array::from_fn(|k| validity_of(words[SIGNALS] >> (2 * k)));
-            *axis = AxisMeasurement {
-                signals: AxisSignals::from_array(signals),
-                validity: AxisSignals::from_array(validity),
-            };
+            *axis = AxisMeasurement::reported(
+                AxisSignals::from_array(signals),
+                AxisSignals::from_array(validity),
+            );
         }
         let valve = match valve {
             1 => Some(ValveState::Shut),
@@ -285,7 +285,16 @@ mod tests {
         let status = Some(MachineStatus::Ready);
         let incoming = Incoming { measurement, valve: Some(ValveState::Open), status, link };
         bus.publish(&incoming, sampled);
-        assert_eq!(machine.read(), Some(incoming));
+        let mut read = machine.read().unwrap();
+        let [axis] = &mut read.measurement.axes;
+        // what is absent or out of range is no value
+        for (value, sent) in [
+            (&mut axis.signals.pressure_b, signals.pressure_b),
+            (&mut axis.signals.motor_speed, signals.motor_speed),
+        ] {
+            assert!(std::mem::replace(value, sent).is_nan());
+        }
+        assert_eq!(read, incoming);
 
         let outgoing = Outgoing { command: Command::released([-33.25; AXES]), is_enabled: true };
         machine.write(1, &outgoing);

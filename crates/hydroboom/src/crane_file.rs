@@ -49,6 +49,11 @@ impl CraneFile {
         crane.chain(self.set.iter().flat_map(|set| ["--set".into(), set.into()])).collect()
     }
 
+    /// The options as text for a command that is suggested, each after a space.
+    pub fn options(&self) -> String {
+        self.arguments().iter().map(|part| format!(" {}", part.to_string_lossy())).collect()
+    }
+
     /// Text of the crane file; the paper's by default.
     pub fn text(&self) -> Result<String> {
         self.crane.as_deref().map_or_else(|| Ok(UIA_SINGLE_BOOM.into()), text)

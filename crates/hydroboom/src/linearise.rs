@@ -194,7 +194,8 @@ impl Linearise {
         };
         match speeds.iter().filter(|speed| **speed <= n.motor_speed).find_map(moves) {
             Some(rpm) => format!(
-                "{said}\nWith the valve open: hydroboom linearise --stroke-mm {:.0} --motor-speed-rpm {:.0}, after a second of that motion.",
+                "{said}\nWith the valve open: hydroboom linearise{} --stroke-mm {:.0} --motor-speed-rpm {:.0}, after a second of that motion.",
+                self.crane.options(),
                 self.stroke_mm,
                 rpm.ceil()
             ),

@@ -5,7 +5,7 @@ use crate::machine::{Delay, Incoming, Link, Machine, Outgoing};
 use crate::shared::{validity_of, valve_state, valve_word};
 use crate::slot::Slot;
 use hydroboom_control::command::{AxisCommand, Command};
-use hydroboom_control::measurement::{AxisMeasurement, AxisSignals, Measurement, Validity};
+use hydroboom_control::measurement::{AxisMeasurement, AxisSignals, Measurement};
 use hydroboom_control::supervision::limits::{MachineStatus, ValveState};
 use hydroboom_machine_interface::datagram;
 use hydroboom_machine_interface::signal;
@@ -118,15 +118,8 @@ impl Machine for LocalMachine {
         let [a, b, c, d, e, f, g, lost, dropped, has_delay, measurement, total, commands_lost] =
             rest;
         self.sampled = Some(sampled);
-        let validity = validity_of(validities);
-        let mut values = [a, b, c, d, e, f, g].map(f64::from_bits);
-        for (value, validity) in values.iter_mut().zip(validity.to_array()) {
-            // an absent or out-of-range signal becomes NaN, whatever value it carries
-            if matches!(validity, Validity::Absent | Validity::OutOfRange) {
-                *value = f64::NAN;
-            }
-        }
-        let axis = AxisMeasurement { signals: AxisSignals::from_array(values), validity };
+        let signals = AxisSignals::from_array([a, b, c, d, e, f, g].map(f64::from_bits));
+        let axis = AxisMeasurement::reported(signals, validity_of(validities));
         let holds = self.exchange.holds.load(Ordering::Acquire);
         let delay =
             Delay { measurement: f64::from_bits(measurement), total: f64::from_bits(total) };

@@ -165,7 +165,7 @@ causes! {
         "the reference is not a number, outside the stroke, too fast, or jumps: look at the program that gives it";
     /// The machine reports a fault of its own.
     MachineFault: Immediate, "machine-fault",
-        "the machine reports a fault, whose code is in the log and on the screen: find out why, and reset it at the machine; then reset here";
+        "the machine reports a fault, whose code is in the log and on the screen: remove its cause, and reset it at the machine (on a bus: start the run again); then reset here";
     /// The machine does not report that it is ready, or that its drives follow while they are to move the load.
     MachineNotReady: Immediate, "machine-not-ready",
         "the machine is not ready, or its drives went off: look at its state and its stop circuit";

@@ -384,6 +384,14 @@ fn resolve(
             "the lowest and the highest value",
         );
     }
+    // the safe command is held within it, too
+    if signal.list == "commanded" && !(low..=high).contains(&0.0) {
+        problems.refuse(
+            &key("range"),
+            format!("{low} to {high}"),
+            "a range with 0, the safe command",
+        );
+    }
     if signal.provenance.trim().is_empty() {
         problems.add(
             &key("provenance"),
@@ -446,6 +454,7 @@ fn measured(read: &File, devices: &[DeviceRow], problems: &mut Problems<'_>) -> 
         let Some((place, scale)) = resolved else { continue };
         let mut invalid = Vec::new();
         for bits in &row.invalid {
+            check_bits(&key("invalid"), bits.mask, bits.value, problems);
             let Some((bit, length)) = find(&devices[place.device].inputs, bits.entry) else {
                 problems.add(&key("invalid"), "its entry is not among the inputs of the device");
                 continue;
@@ -515,13 +524,21 @@ fn commanded(read: &File, devices: &[DeviceRow], problems: &mut Problems<'_>) ->
     rows
 }
 
+/// Refuses a value that bits under a mask never have, or always.
+fn check_bits<const N: usize>(key: &[Part; N], mask: u64, value: u64, problems: &mut Problems<'_>) {
+    if mask == 0 || value & !mask != 0 {
+        let read = format!("value 0x{value:X} under mask 0x{mask:X}");
+        problems.refuse(key, read, "a mask with bits, and a value of bits of the mask");
+    }
+}
+
 fn drives(
     read: &File,
     devices: &[DeviceRow],
     commanded: &[CommandedRow],
     problems: &mut Problems<'_>,
 ) -> Vec<DriveRow> {
-    let mut rows = Vec::new();
+    let mut rows: Vec<DriveRow> = Vec::new();
     for (device, row) in read.device.iter().enumerate() {
         if row.profile != Some(Profile::Cia402) {
             continue;
@@ -553,6 +570,7 @@ fn drives(
             continue;
         };
         let stop_circuit = row.stop_circuit.as_ref().and_then(|bits| {
+            check_bits(&key("stop_circuit"), bits.mask, bits.value, problems);
             let found = place(&lists.inputs, bits.entry.0, bits.entry.1);
             if found.is_none() {
                 problems
@@ -571,6 +589,13 @@ fn drives(
             error: input(0x603f),
             stop_circuit,
         });
+    }
+    // a motor speed without a drive's states would be written whether it may turn or not
+    for (row, commanded) in commanded.iter().enumerate().filter(|(_, row)| row.signal == 0) {
+        if !rows.iter().any(|drive| drive.target == commanded.place) {
+            let key = [Part::from("commanded"), row.into(), "entry".into()];
+            problems.add(&key, "a motor speed is the 0x60FF of a device with profile = \"cia402\"");
+        }
     }
     rows
 }

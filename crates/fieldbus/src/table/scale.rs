@@ -74,8 +74,7 @@ impl Scale {
         self.factor * counts as f64 + self.offset
     }
 
-    /// The counts nearest to a value, which is held within the range and within what the type can hold; for what is
-    /// no number those of the offset.
+    /// The counts nearest to a value, limited to the range and to what the type can hold; zero counts for NaN.
     pub fn counts(&self, value: f64) -> i64 {
         let [low, high] = self.kind.range();
         let [lowest, highest] = self.range;

@@ -52,7 +52,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 
-/// Run the motion in real time on a machine: the virtual crane in another process, or one on the local interface.
+/// Run the motion in real time on a machine: the virtual crane in another process, one on the local interface, or
+/// devices on EtherCAT.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
@@ -121,7 +122,13 @@ pub struct Run {
     #[arg(long, value_name = "FILE")]
     log: Option<OutputFile>,
     /// Replay the measurements of such a log to controller and supervisor, in simulated time.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["dashboard", "cycles", "log", "scenario"])]
+    #[arg(
+        long, value_name = "FILE",
+        conflicts_with_all = [
+            "dashboard", "cycles", "log", "scenario", "machine", "bus", "strategy", "then", "report", "baseline",
+            "record_baseline",
+        ]
+    )]
     replay: Option<InputFile>,
     /// Report to write (HTML); after a fault its last second is written beside it, as CSV.
     #[arg(long, value_name = "FILE")]
@@ -458,15 +465,23 @@ impl Run {
             }
         }
         if let (Some(log), Some(frames)) = (&self.log, bus.and_then(Came::frames)) {
-            let capture = log.with_extension("pcapng");
-            output::file(&capture, frames);
-            output::note(&format!("the last frames before the fault: {}", capture.display()));
+            // never the log's own path
+            let extension = if log.extension().is_some_and(|own| own == "pcapng") {
+                "bus.pcapng"
+            } else {
+                "pcapng"
+            };
+            let capture = log.with_extension(extension);
+            if output::file(&capture, frames) {
+                output::note(&format!("the last frames before the fault: {}", capture.display()));
+            }
         }
         let Some(fault) = watch.session().fault() else { return Ok(()) };
         if let Some(path) = &self.report {
             let data = path.with_extension("fault.csv");
-            output::file(&data, hydroboom_realtime::log::csv(&fault.records).as_bytes());
-            output::note(&format!("the last second before the fault: {}", data.display()));
+            if output::file(&data, hydroboom_realtime::log::csv(&fault.records).as_bytes()) {
+                output::note(&format!("the last second before the fault: {}", data.display()));
+            }
         }
         if self.dashboard.is_some() || self.carry_on {
             return Ok(());
@@ -613,8 +628,8 @@ impl Cranes {
 
 /// Refuses `--learned`.
 fn replaced_by_the_estimator(_: &str) -> Result<PathBuf, String> {
-    Err("the state estimator of scheduled-lqr, which runs in every run, replaced what was learned; a file of its estimates comes with a later \
-         version"
+    Err("the state estimator of scheduled-lqr, which runs in every run, replaced what was learned; --parameters keeps its estimates in a \
+         file"
         .into())
 }
 

@@ -32,7 +32,7 @@ pub fn run_page(
     let body = html! {
         p.soft {
             @if cranes.source.is_attached() {
-                "The machine is \"" (cranes.name()) "\", another process: what is measured is what it sent."
+                "The machine is \"" (cranes.name()) "\", attached: the measurements are those that it sent."
             } @else {
                 "The machine is \"" (cranes.name()) "\", simulated, which stands in for a real one: nothing here is a "
                 "measurement of a real crane, but for the paper's numbers and the times of the tasks, which were taken on "

@@ -43,8 +43,9 @@ fn ended(r: &CourseResult) -> String {
     end
 }
 
-/// Note on a machine in another process.
-pub const SENSORS_ONLY: &str = "The machine is another process, of which sensors tell alone: its true errors are not known here.";
+/// Note on an attached machine.
+pub const SENSORS_ONLY: &str =
+    "The machine is attached, and only its sensors are known: its true errors are not.";
 
 /// Error; a dash if unknown.
 pub fn known(mm: f64) -> String {
