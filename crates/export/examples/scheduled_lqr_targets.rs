@@ -12,9 +12,9 @@
 #![expect(clippy::unwrap_used, reason = "an example that cannot set up has failed")]
 #![allow(dead_code, reason = "the tests use more of what it shares with them")]
 
-#[path = "../tests/evaluator/mod.rs"]
+#[path = "../tests/integration/evaluator/mod.rs"]
 mod evaluator;
-#[path = "../tests/recording/mod.rs"]
+#[path = "../tests/integration/recording/mod.rs"]
 mod recording;
 
 use hydroboom_control::reference::profile::SetPoint;

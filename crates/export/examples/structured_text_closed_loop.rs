@@ -9,9 +9,9 @@
 #![expect(clippy::unwrap_used, reason = "an example that cannot set up has failed")]
 #![allow(dead_code, reason = "the tests use more of what it shares with them")]
 
-#[path = "../tests/evaluator/mod.rs"]
+#[path = "../tests/integration/evaluator/mod.rs"]
 mod evaluator;
-#[path = "../tests/on_plc/mod.rs"]
+#[path = "../tests/integration/on_plc/mod.rs"]
 mod on_plc;
 
 use hydroboom_description::Description;

@@ -10,10 +10,10 @@
 //! cargo run --release -p hydroboom-identify --example interval_coverage -- 2031 0 100
 //! ```
 
-#[path = "../tests/made/draws.rs"]
+#[path = "../tests/integration/made/draws.rs"]
 mod draws;
 
-use draws::{KEYS, coverage};
+use draws::{Course, KEYS, coverage};
 
 fn main() {
     let arguments: Vec<u64> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
@@ -21,7 +21,7 @@ fn main() {
         eprintln!("interval_coverage SEED FROM TO");
         std::process::exit(2);
     };
-    let rows = coverage(seed, from..to, None);
+    let rows = coverage(seed, from..to, Course::OfFile);
     println!(
         "| key | determined: holds the truth | not determined: holds | called biased: holds | mean deviation | why biased |"
     );

@@ -318,7 +318,7 @@ mod tests {
         let model = Description::uia_single_boom().unwrap();
         let crane = Description::uia_virtual().unwrap();
         // with a payload change during the course
-        let course = CourseChoice::Scenario("payload-change".into()).of(&crane).unwrap();
+        let course = CourseChoice::Scenario("load-in-motion".into()).of(&crane).unwrap();
         let together = run_all(&model, &crane, course.as_ref()).unwrap();
         for strategy in [
             Strategy::VelocityFeedforward,

@@ -6,13 +6,13 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 #[allow(dead_code, reason = "not all that other tests write is mutated")]
-#[path = "mat/written.rs"]
+#[path = "integration/mat/written.rs"]
 mod mat;
 #[allow(dead_code, reason = "not all that other tests write is mutated")]
-#[path = "mcap/written.rs"]
+#[path = "integration/mcap/written.rs"]
 mod mcap_files;
 #[allow(dead_code, reason = "not all that other tests write is mutated")]
-#[path = "mdf/written.rs"]
+#[path = "integration/mdf/written.rs"]
 mod mdf;
 
 use hydroboom_measurement::{Channel, Mapping, Signals, TimeBase, read};
@@ -184,7 +184,7 @@ fn damaged_mat_files() {
 
 #[test]
 fn damaged_mat_files_of_level_7_3() {
-    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mat/files");
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/mat/files");
     let read = |name: &str| std::fs::read(files.join(name)).unwrap();
     survives("7_3.mat", &["arrays_7_3.mat", "scope_7_3.mat", "groups_7_3.mat"].map(read), use_file);
 }
@@ -192,14 +192,14 @@ fn damaged_mat_files_of_level_7_3() {
 #[cfg(feature = "parquet")]
 #[test]
 fn damaged_parquet_files() {
-    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parquet/files");
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/parquet/files");
     let read = |name: &str| std::fs::read(files.join(format!("{name}.parquet"))).unwrap();
     survives("parquet", &["stamped", "seconds", "milliseconds"].map(read), use_file);
 }
 
 #[test]
 fn damaged_mdf_files() {
-    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mdf/files");
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/mdf/files");
     let mut seeds: Vec<Vec<u8>> = ["plain", "transposed", "packed_list", "conversions", "zstd"]
         .iter()
         .map(|name| std::fs::read(files.join(format!("{name}.mf4"))).unwrap())

@@ -4,7 +4,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-#[path = "mdf/written.rs"]
+#[path = "integration/mdf/written.rs"]
 mod mdf_file;
 
 use hydroboom_measurement::read;

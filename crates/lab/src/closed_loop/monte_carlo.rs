@@ -532,7 +532,9 @@ mod tests {
     #[test]
     fn cranes_of_an_interrupted_family_have_gone_all_the_way() {
         let model = Description::uia_single_boom().unwrap();
-        let nominal = Description::uia_virtual().unwrap();
+        let mut nominal = Description::uia_virtual().unwrap();
+        let n = &mut nominal.numbers;
+        (n.motion_end, n.dwell, n.rest) = (n.motion_start + 0.1, 0.5, 0.5);
         let controllers = [ControllerChoice::Strategy(Strategy::BenchmarkClosedLoop)];
         let courses = [1, 2, 3].map(|_| CourseChoice::Motion(nominal.numbers.fast));
         let cranes = members(&nominal, (3 * WIDTH as u64, 1), false).unwrap();

@@ -1,0 +1,5 @@
+//! Integration tests of the crate, one program.
+
+mod machine;
+mod reference;
+mod supervisor;

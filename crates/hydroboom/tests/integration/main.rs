@@ -1,0 +1,16 @@
+//! Integration tests of the crate, one program.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+mod bounds;
+mod commands;
+mod dashboard;
+mod export;
+mod files_out;
+mod local_machine;
+mod readings;
+mod round_trips;
+mod running;
+mod support;
+mod tuning;
+mod verdicts;

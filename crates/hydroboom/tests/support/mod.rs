@@ -1,4 +1,0 @@
-//! Run with a dashboard, and a browser for it.
-
-pub mod browser;
-pub mod run;

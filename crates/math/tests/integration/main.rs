@@ -1,0 +1,4 @@
+//! Integration tests of the crate, one program.
+
+mod interpolate;
+mod scalars;
