@@ -22,8 +22,8 @@ use serde_json::json;
 ///
 /// Limits are motor speed, motor slew rate, delay (sensors, fieldbus, control period), sensor noise, and a payload
 /// that is unknown when the motion begins. The bound is computed for each limit alone, and for all others without it.
-/// All errors are true RMS errors of the piston over the whole motion, rests included. docs/performance-bounds.md has
-/// the equations, and states which results are bounds and which are estimates.
+/// All errors are true RMS errors of the piston over the whole motion, rests included.
+/// docs/reference/performance-bounds.md has the equations, and states which results are bounds and which are estimates.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom bounds --out bounds\n  hydroboom bounds --crane my-crane.toml --speed-mm-s 60\n  \

@@ -32,8 +32,8 @@ use std::path::Path;
 /// more without a reset, from the state of the oil at its end.
 ///
 /// With --log the machine is identified from the log, and the cycles run on the virtual crane of the identified model.
-/// A log that no model near the crane file reproduces is refused. docs/iterative-learning-control.md has method,
-/// conditions and limits.
+/// A log that no model near the crane file reproduces is refused. docs/reference/iterative-learning-control.md has
+/// method, conditions and limits.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134\n  \

@@ -56,7 +56,7 @@ pub struct MotionTests {
     #[arg(long, requires = "family")]
     widened: bool,
     /// In a family, add baselines: the benchmark with designed gains, without and with an input shaper, LQG, linear
-    /// and nonlinear MPC; and the computing time of each for a control period (docs/baselines.md).
+    /// and nonlinear MPC; and the computing time of each for a control period (docs/reference/baselines.md).
     #[arg(long, requires = "family")]
     baselines: bool,
     /// Its name before.

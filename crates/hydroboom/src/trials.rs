@@ -38,7 +38,7 @@ pub struct Trials {
     #[command(flatten)]
     crane: CraneFile,
     /// Add baselines to the benchmark and the scheduled LQR: the benchmark with designed gains, without and with an
-    /// input shaper, LQG, linear and nonlinear MPC (docs/baselines.md).
+    /// input shaper, LQG, linear and nonlinear MPC (docs/reference/baselines.md).
     #[arg(long)]
     baselines: bool,
     /// Its name before.

@@ -165,7 +165,7 @@ fn trajectory(
 mod tests {
     use super::*;
 
-    /// Values of docs/reference/computing-time.md and theory.md: largest errors of p_A \[bar\].
+    /// Values of docs/reference/computing-time.md: largest errors of p_A \[bar\].
     #[test]
     fn errors_are_those_that_are_stated_with_their_conditions() {
         let points = work_precision(&Description::uia_single_boom().unwrap()).unwrap();

@@ -290,8 +290,8 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     says(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
 }
 
-/// Measured lift, which is not part of the project: the prediction of its ends that docs/two-machines.md
-/// states, with the ends held out.
+/// Measured lift, which is not part of the project: the prediction of its ends that
+/// docs/explanation/measured-lift.md states, with the ends held out.
 #[test]
 fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
     let Ok(data) = std::env::var("HYDROBOOM_MEASURED_LOGS") else {
