@@ -268,7 +268,7 @@ tuning {
 
     lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";
     lqr_velocity: "scheduled_lqr" "velocity_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 40.0, "Velocity error that costs one; damping of the load's mode";
-    lqr_command: "scheduled_lqr" "command_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 23.0, "Piston velocity commanded beyond the feedforward that costs one; half as much makes light cranes noisy";
+    lqr_command: "scheduled_lqr" "command_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 23.0, "Piston velocity commanded beyond the feedforward that costs one; less gives lower gains and less motor activity";
     lqr_feedback: "scheduled_lqr" "feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed that feedback may command, of the motor's";
     lqr_position_feedback: "scheduled_lqr" "position_feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest speed that feedback of the position may command, of the motor's (nested saturation)";
     lqr_filling: "scheduled_lqr" "filling_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest motor speed that filling the oil may take along the reference, of the motor's; sets the smoothing window";

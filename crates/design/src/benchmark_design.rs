@@ -262,16 +262,19 @@ pub fn payload_range(description: &Description) -> [f64; 2] {
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the distance that is asked for.
+/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the distance that is asked for, or the worst cases go on changing.
 pub fn benchmark_design(
     description: &Description,
     payload: [f64; 2],
 ) -> Result<BenchmarkDesign, DesignError> {
     let sensitivity_peak = description.numbers.benchmark_sensitivity_peak;
+    let [low_kg, high_kg] = payload;
     let mut search =
         Search::new(description, cases(description, payload)?, SLACK / sensitivity_peak)?;
     for _ in 0..=EXCHANGES {
-        let Some(gains) = search.largest().map(|gains| gains.rounded()) else { break };
+        let Some(gains) = search.largest().map(|gains| gains.rounded()) else {
+            return Err(DesignError::NoGains { sensitivity_peak, low_kg, high_kg });
+        };
         let (worst, at_hz) = worst(&gains.put(description), payload)?;
         if worst.stable && worst.sensitivity_peak <= sensitivity_peak {
             return Ok(BenchmarkDesign { gains, sensitivity_peak, payload_kg: payload, worst });
@@ -279,8 +282,7 @@ pub fn benchmark_design(
         let case = Case::new(description, worst.payload_kg, worst.stroke_mm * 1e-3, &[at_hz])?;
         search.cases.push(case);
     }
-    let [low_kg, high_kg] = payload;
-    Err(DesignError::NoGains { sensitivity_peak, low_kg, high_kg })
+    Err(DesignError::NotConverged { exchanges: EXCHANGES, low_kg, high_kg })
 }
 
 /// The least margins of a description's own gains over payloads between two \[kg\] and the stroke.
@@ -305,7 +307,7 @@ fn worst(description: &Description, payload: [f64; 2]) -> Result<(WorstMargins, 
         worst: WorstMargins {
             stable: true,
             sensitivity_peak: 0.0,
-            phase_deg: 180.0,
+            phase_deg: f64::INFINITY,
             gain: f64::INFINITY,
             payload_kg: f64::NAN,
             stroke_mm: f64::NAN,

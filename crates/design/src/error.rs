@@ -19,6 +19,19 @@ pub enum DesignError {
     /// A reduced model that cannot be fitted.
     #[error("the reduced model cannot be fitted: {0}")]
     NoFit(String),
+    /// Gains whose worst case is still another one after all exchanges.
+    #[error(
+        "the search for gains of the benchmark for payloads of {low_kg:.0} to {high_kg:.0} kg has not converged: after {exchanges} worst cases the gains for them have \
+         another one; a narrower range of payloads has fewer"
+    )]
+    NotConverged {
+        /// Worst cases that were added to the search.
+        exchanges: u32,
+        /// Smallest payload.
+        low_kg: f64,
+        /// Largest payload.
+        high_kg: f64,
+    },
     /// Gains that keep the margins do not exist.
     #[error(
         "no gains of the benchmark keep the largest sensitivity below {sensitivity_peak} for payloads of {low_kg:.0} to {high_kg:.0} kg over the stroke; a narrower \

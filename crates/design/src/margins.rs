@@ -125,13 +125,13 @@ impl Loop {
 pub struct Margins {
     /// Gain margin: factor on the gain, upwards, at which the loop becomes unstable; infinite where none does.
     pub gain: f64,
-    /// Phase margin: least phase that is left where the loop's gain is one.
+    /// Phase margin: least phase that is left where the loop's gain is one; infinite where it is nowhere one.
     pub phase_deg: f64,
     /// Modulus margin: least distance of the loop from −1, below which every additive uncertainty of the loop has to stay.
     pub modulus_margin: f64,
     /// Frequency of that.
     pub at_hz: f64,
-    /// Highest frequency at which the loop's gain is one.
+    /// Highest frequency at which the loop's gain is one; NaN where it is nowhere one.
     pub crossover_hz: f64,
     /// Poles of the closed loop that grow faster than 0.02 1/s (they double within 35 s); where there are some, the margins above are none.
     pub unstable_poles: u32,
@@ -144,7 +144,7 @@ impl Margins {
     }
 }
 
-/// Margins as they are written: an unstable loop has none, a stable one may have no gain margin.
+/// Margins as they are written: an unstable loop has none, a stable one may have no gain margin, or no crossover.
 #[derive(Serialize)]
 struct Shown {
     stable: bool,
@@ -191,10 +191,10 @@ pub fn margins(crane: &LinearisedPlant, around: &Loop) -> Result<Margins, Design
     let [low, _] = FREQUENCIES;
     let mut found = Margins {
         gain: f64::INFINITY,
-        phase_deg: 180.0,
+        phase_deg: f64::INFINITY,
         modulus_margin: f64::INFINITY,
         at_hz: low,
-        crossover_hz: 0.0,
+        crossover_hz: f64::NAN,
         unstable_poles: growing_poles(crane, around)?.closed_loop,
     };
     let distance = |gain: Complex<f64>| (gain + 1.0).norm();

@@ -87,7 +87,7 @@ impl Check {
                 Ok(unstable) if unstable.is_benchmark() => {
                     remarks.push(format!("{unstable}; {FINDS_GAINS}"))
                 }
-                Ok(unstable) => remarks.push(unstable.to_string()),
+                Ok(unstable) => remarks.push(format!("{unstable}; {WEIGHTS}")),
                 Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
             }
         }
@@ -207,6 +207,8 @@ fn all(description: &Description, remarks: Vec<String>) -> Vec<String> {
 
 /// Advice on the gains.
 const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
+/// Where the weights of the scheduled LQR are, and its margins.
+const WEIGHTS: &str = "its weights are those of [scheduled_lqr]; `hydroboom design` shows its margins at each position";
 
 /// Share of the largest bulk modulus below which the oil is soft.
 const SOFT: f64 = 0.9;

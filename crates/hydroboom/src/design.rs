@@ -155,6 +155,11 @@ impl Design {
     }
 }
 
+/// A phase margin, or a dash where the loop's gain is nowhere one.
+fn phase(degrees: f64) -> String {
+    if degrees.is_finite() { format!("{degrees:.0}") } else { "-".into() }
+}
+
 fn gain(factor: f64) -> String {
     if factor.is_finite() { format!("{factor:.1}") } else { "-".into() }
 }
@@ -182,7 +187,7 @@ fn over_family(family: &[FamilyMargins]) -> String {
 fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     let m = &of.worst.margins;
     let margins = match m.is_stable() {
-        true => [format!("{:.2}", m.modulus_margin), gain(m.gain), format!("{:.0}", m.phase_deg)],
+        true => [format!("{:.2}", m.modulus_margin), gain(m.gain), phase(m.phase_deg)],
         false => ["unstable".into(), "-".into(), "-".into()],
     };
     let mut row = vec![
@@ -202,7 +207,9 @@ fn table(reports: &[DesignReport]) -> String {
         .iter()
         .map(|l| {
             let margins = |m: &hydroboom_design::Margins| match m.is_stable() {
-                true => format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.modulus_margin),
+                true => {
+                    format!("{} / {} / {:.2}", phase(m.phase_deg), gain(m.gain), m.modulus_margin)
+                }
                 false => "unstable".into(),
             };
             vec![

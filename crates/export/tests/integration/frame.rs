@@ -45,7 +45,7 @@ fn whatever_is_tried_stays_within_its_bounds() {
             // the published gains are unstable with an empty hook: see the next test
             // all one-sample errors in the inputs of the position loop
             let is_sample = case.disturbed.is_some_and(|d| d.periods == 1 && d.input <= stroke());
-            if case.payload == 0.0 || !(is_engaged || is_sample || k % 5 == 0) {
+            if case.payload == 0.0 || !(is_engaged || is_sample || k % 10 == 0) {
                 continue;
             }
             let outcome = run(&model, &machine, case, target(&model).as_mut()).unwrap();

@@ -18,6 +18,7 @@ use hydroboom_export::closed_loop::{
 use hydroboom_export::fmi::Version;
 use hydroboom_export::scheduled_lqr_controller;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 /// Recorded control periods: two seconds and more, from the opening of the valve.
 const PERIODS: usize = 3500;
@@ -30,6 +31,15 @@ fn folder(name: &str) -> PathBuf {
 
 fn of_course(length: usize, requests: Requests) -> (Recording, Outcome) {
     recorded(&plain(&cranes().0), length, requests, (From::Opening, PERIODS))
+}
+
+/// Lengths of the preview: the whole one, a short one and none.
+const PREVIEWS: [usize; 3] = [800, 60, 0];
+
+/// A course without requests for each of the previews, recorded once for all tests.
+fn without_requests() -> &'static [(Recording, Outcome); PREVIEWS.len()] {
+    static COURSES: OnceLock<[(Recording, Outcome); PREVIEWS.len()]> = OnceLock::new();
+    COURSES.get_or_init(|| PREVIEWS.map(|length| of_course(length, nothing)))
 }
 
 /// All requests to the estimator in turn, with and without the load.
@@ -60,10 +70,12 @@ fn what_was_recorded_gives_the_same_bits_in_c() {
     let program = compiled(&folder, Precision::Double, &[]);
     let names = names();
     let mut rolled = 0;
-    for (length, request) in [(800, nothing as fn(usize) -> _), (60, everything), (0, nothing)] {
-        let (recording, outcome) = of_course(length, request);
+    let [whole, _, none] = without_requests();
+    for (length, (recording, outcome)) in
+        [(800, whole), (60, &of_course(60, everything)), (0, none)]
+    {
         assert_eq!(recording.given.len(), PERIODS, "{outcome:?}");
-        let found = in_c(&program, &recording);
+        let found = in_c(&program, recording);
         let place = names.iter().position(|name| name == "lqr_rollout_is_evaluating").unwrap();
         let evaluating = recording.wanted.iter().filter(|row| row[place] > 0.5).count();
         rolled += evaluating;
@@ -203,8 +215,7 @@ fn the_program_of_the_closed_loop_gives_what_rust_gives() {
 /// In closed loop with the virtual crane, with different previews.
 #[test]
 fn it_moves_the_load_with_any_preview() {
-    for length in [800, 60, 0] {
-        let (recording, outcome) = of_course(length, nothing);
+    for (length, (recording, outcome)) in PREVIEWS.into_iter().zip(without_requests()) {
         assert_eq!(outcome.status, frame_phase::CONTROLLING, "{length}: {outcome:?}");
         let errors = recording.stroke.iter().map(|[x, r]| (x - r).abs());
         let largest = errors.fold(0.0, f64::max);
@@ -218,8 +229,8 @@ fn it_moves_the_load_with_any_preview() {
 fn single_precision_stays_near_double() {
     let folder = folder("c-scheduled-lqr-single");
     let program = compiled(&folder, Precision::Single, &[]);
-    let (recording, _) = of_course(800, nothing);
-    let found = in_c(&program, &recording);
+    let (recording, _) = &without_requests()[0];
+    let found = in_c(&program, recording);
     let (mut sum, mut largest, mut size) = (0.0, 0.0_f64, 0.0_f64);
     for (found, wanted) in found.iter().zip(&recording.wanted) {
         let off: f64 = found[0] - wanted[0];
@@ -243,8 +254,7 @@ const SHARE: f64 = 1e-6;
 /// `scheduled_lqr_targets` runs a minute from power-up.
 #[test]
 fn structured_text_shows_what_rust_does() {
-    let model = cranes().0;
-    let (recording, _) = recorded(&plain(&model), 800, nothing, (From::Opening, 2000));
+    let recording = without_requests()[0].0.until(2000);
     let found = in_structured_text(Precision::Double, &recording);
     for (name, share) in shares_off(&found, &recording) {
         assert!(share <= SHARE, "{name} is off by {share:e} of its size");
@@ -254,8 +264,7 @@ fn structured_text_shows_what_rust_does() {
 /// The same in `REAL`, for half a second of control: as close to double precision as `float` in C.
 #[test]
 fn structured_text_in_single_precision_stays_near_double() {
-    let model = cranes().0;
-    let (recording, _) = recorded(&plain(&model), 800, nothing, (From::Opening, 1500));
+    let recording = without_requests()[0].0.until(1500);
     let single = in_structured_text(Precision::Single, &recording);
     let in_c = in_c(&compiled(&folder("c-beside-real"), Precision::Single, &[]), &recording);
     let mut differs = false;

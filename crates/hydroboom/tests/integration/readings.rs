@@ -318,7 +318,7 @@ fn another_load_is_found_or_the_model_is_not_right() {
     for mass in [250.0, 200.0] {
         let set = format!("payload.mass_kg={mass}");
         said(&["simulate", "--set", &set, "--speed-mm-s", "120", "--log", &log]);
-        let text = said(&["tune", "--log", &log, "--free", "payload.mass_kg"]);
+        let text = said(&["tune", "--log", &log, "--to-s", "9", "--free", "payload.mass_kg"]);
         let row = text.lines().find(|line| line.starts_with("payload.mass_kg")).unwrap();
         let numbers: Vec<f64> = row.split_whitespace().filter_map(|n| n.parse().ok()).collect();
         let [_, found, low, high] = numbers[..4] else { panic!("{row}") };

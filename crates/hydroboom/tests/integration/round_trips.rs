@@ -205,7 +205,17 @@ fn a_report_says_how_it_was_made() {
     assert!(drawn > 0 && count("svg") == drawn && count("csv") == drawn, "{drawn}: {figures:?}");
     assert!(page.contains(r"it'\''s a crane.toml'"), "quoted for a shell");
     assert!(!page.contains("<dt>seed</dt>"));
-    made(&["motion", "--family", "1", "--seed", "77", "--scenario", "reversal", "--out", &at("f")]);
+    made(&[
+        "motion",
+        "--family",
+        "1",
+        "--seed",
+        "77",
+        "--scenario",
+        "saturation",
+        "--out",
+        &at("f"),
+    ]);
     let page = fs::read_to_string(at("f/family.html")).unwrap();
     assert!(page.contains("<dt>seed</dt><dd>77</dd>"));
 }

@@ -18,7 +18,7 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
     assert_eq!(channels.iter().filter(|c| c["signal"].is_string()).count(), 9);
     assert!(seen["suspicions"].as_array().unwrap().is_empty(), "{seen}");
     let of = |crane: &[&str]| {
-        let window = ["validate", "--log", &log, "--mapping", &mapping, "--to-s", "9", "--json"];
+        let window = ["validate", "--log", &log, "--mapping", &mapping, "--to-s", "6", "--json"];
         parsed(&[&window[..], crane].concat())
     };
     let rms = |found: &serde_json::Value, k: usize| found["signals"][k]["rms"].as_f64().unwrap();
@@ -42,7 +42,7 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
         "--log",
         &log,
         "--to-s",
-        "9",
+        "6",
         "--free",
         "pump.flow_gain,payload.mass",
         "--profile",
@@ -179,12 +179,12 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
         "--log",
         &log,
         "--to-s",
-        "8",
+        "6",
         "--free",
         "pump.flow_gain,payload.mass_kg",
         "--json",
     ];
-    let asked = ["--hold-out", "6:7", "--in-turn", "--test-log", &other, "--report", &report];
+    let asked = ["--hold-out", "4:5", "--in-turn", "--test-log", &other, "--report", &report];
     let asked = [&tune[..], &asked].concat();
     let found = parsed(&asked);
     // the search without the stretch differs from the one over the whole log
@@ -192,7 +192,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     let without = &found["in_turn"][0];
     assert_eq!(
         (&without["from_s"], &without["keys"][1]["key"]),
-        (&6.0.into(), &"payload.mass_kg".into())
+        (&4.0.into(), &"payload.mass_kg".into())
     );
     assert!(of(without) != of(&found) && (of(without) / of(&found) - 1.0).abs() < 0.05, "{found}");
     let of = |i: usize, j: usize| without["correlation"][i][j].as_f64().unwrap();
@@ -203,7 +203,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     keys(test, &["signal", "unit", "before", "after"]);
     let page = std::fs::read_to_string(&report).unwrap();
     assert!(page.contains("kept from the search") && page.contains("traded against"));
-    assert!(page.contains("without 6 to 7 s"));
+    assert!(page.contains("without 4 to 5 s"));
     assert!(page.matches("<svg").count() >= 6);
 
     says(&hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", "7:6"]), "FROM:TO");

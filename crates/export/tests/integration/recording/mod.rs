@@ -93,6 +93,16 @@ pub struct Recording {
     pub stroke: Vec<[f64; 2]>,
 }
 
+impl Recording {
+    /// Its first periods.
+    #[allow(dead_code, reason = "of the tests")]
+    pub fn until(&self, period: usize) -> Self {
+        let Self { begin, given, wanted, stroke } = self;
+        let [given, wanted] = [given, wanted].map(|rows| rows[..period].to_vec());
+        Self { begin: begin.clone(), given, wanted, stroke: stroke[..period].to_vec() }
+    }
+}
+
 /// A controller under recording.
 struct Recorded {
     inner: RustScheduledLqr,
@@ -313,6 +323,7 @@ impl OnPlc {
     }
 
     /// The estimated payload and its standard deviation \[kg\].
+    #[allow(dead_code, reason = "of an example")]
     pub fn payload(&self) -> [f64; 2] {
         ["payload", "payload_deviation"].map(|name| self.block.value(&edge_name(name)))
     }
