@@ -100,7 +100,7 @@ const PER_PERIOD: f64 = 4.0;
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
     let interval = experiment.interval();
     let is_free = free(experiment, interval);
-    let (apart, driven) = experiment.apart;
+    let (sampling, driven) = experiment.sampling_intervals;
     let mut found: Vec<(f64, Difference)> = COMPARED[..CRANE]
         .iter()
         .enumerate()
@@ -112,16 +112,16 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
                 .collect();
             let noise = experiment.noise[k];
             // samples that were interpolated between different pairs of readings have independent noise
-            let independent = (2.0 * apart[k] / interval).ceil().max(1.0) as usize;
+            let independent = (2.0 * sampling[k] / interval).ceil().max(1.0) as usize;
             let found = || difference(*signal, &both, (interval, independent), &is_free, noise);
-            (both.len() > 20).then(|| (apart[k].max(driven), found()))
+            (both.len() > 20).then(|| (sampling[k].max(driven), found()))
         })
         .collect();
     let model = oscillation_of(found.iter().filter_map(|(_, d)| d.model_ringing));
     for (interval, difference) in &mut found {
-        let is_told = |frequency: f64| *interval * frequency <= 1.0 / PER_PERIOD;
-        difference.ringing = difference.ringing.filter(|r| is_told(r.frequency));
-        if let Some(frequency) = model.filter(|frequency| !is_told(*frequency)) {
+        let is_resolved = |frequency: f64| *interval * frequency <= 1.0 / PER_PERIOD;
+        difference.ringing = difference.ringing.filter(|r| is_resolved(r.frequency));
+        if let Some(frequency) = model.filter(|frequency| !is_resolved(*frequency)) {
             difference.unresolved = Some(Unresolved { interval: *interval, frequency });
             difference.ringing = None;
         }
@@ -132,8 +132,8 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
 /// Highest frequency of the oscillations of several signals \[Hz\], preferably of those with an identified
 /// damping.
 fn oscillation_of(ringing: impl Iterator<Item = Ringing>) -> Option<f64> {
-    let (told, others): (Vec<Ringing>, Vec<Ringing>) = ringing.partition(|r| r.damping.is_some());
-    let of = if told.is_empty() { others } else { told };
+    let (damped, others): (Vec<Ringing>, Vec<Ringing>) = ringing.partition(|r| r.damping.is_some());
+    let of = if damped.is_empty() { others } else { damped };
     of.into_iter().map(|r| r.frequency).reduce(f64::max)
 }
 
@@ -174,7 +174,7 @@ fn difference(
     let log: Vec<f64> = both.iter().map(|b| b.1).collect();
     let model: Vec<f64> = both.iter().map(|b| b.2).collect();
     let is_whole = both.windows(2).all(|w| w[1].0 == w[0].0 + 1);
-    let rings = |values: &[f64]| {
+    let oscillation = |values: &[f64]| {
         let offset = both.first().map_or(0, |b| b.0);
         is_whole.then(|| ringing(values, interval, is_free.get(offset..).unwrap_or(&[]))).flatten()
     };
@@ -187,7 +187,7 @@ fn difference(
     let drift = halves.map(|[first, second]| (second - first) / (half as f64 * interval));
     let moved = |shift: &dyn Fn(usize) -> f64| rms_moved(&log_in_time, &model_in_time, shift);
     // the delay of the first half applies at its middle
-    let drifting = halves.zip(drift).map(|([first, _], drift)| {
+    let rms_without_drift = halves.zip(drift).map(|([first, _], drift)| {
         let from = first - 0.5 * half as f64 * interval * drift;
         moved(&|k| from / interval + drift * k as f64)
     });
@@ -204,11 +204,11 @@ fn difference(
         fit: moves.then(|| 100.0 * (1.0 - rms / spread_log)),
         delay: late,
         rms_without_delay: late.map(|late| moved(&|_| late / interval)),
-        rms_without_drift: drifting,
+        rms_without_drift,
         delay_halves: halves,
         drift,
-        ringing: rings(&log),
-        model_ringing: rings(&model),
+        ringing: oscillation(&log),
+        model_ringing: oscillation(&model),
         coloured,
         is_white,
         parts: explained(&log_in_time, &model_in_time, interval),
@@ -250,17 +250,18 @@ fn delay(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<f6
         let (sum, count) = of.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
         (count > 0).then(|| sum / f64::from(count))
     };
-    let apart = |shift: i64| {
+    let mean_square = |shift: i64| {
         let pair = |k: i64| Some((model[k as usize]? - log[(k + shift) as usize]?).powi(2));
         mean(&mut middle.clone().filter_map(pair))
     };
-    let apart: Vec<f64> = (-most..=most).map(apart).collect::<Option<_>>()?;
-    let least = (0..apart.len()).min_by(|a, b| apart[*a].total_cmp(&apart[*b]))?;
+    let mean_square: Vec<f64> = (-most..=most).map(mean_square).collect::<Option<_>>()?;
+    let least =
+        (0..mean_square.len()).min_by(|a, b| mean_square[*a].total_cmp(&mean_square[*b]))?;
     let alone = mean(&mut middle.filter_map(|k| Some(model[k as usize]?.powi(2))))?;
-    if least == 0 || least == apart.len() - 1 || apart[least] >= 0.5 * alone {
+    if least == 0 || least == mean_square.len() - 1 || mean_square[least] >= 0.5 * alone {
         return None;
     }
-    let (a, b, c) = (apart[least - 1], apart[least], apart[least + 1]);
+    let (a, b, c) = (mean_square[least - 1], mean_square[least], mean_square[least + 1]);
     let shift = 0.5 * (a - c) / (a - 2.0 * b + c);
     Some((least as f64 - most as f64 + shift) * interval)
 }
@@ -308,8 +309,8 @@ mod tests {
         difference(Signal::PressureA, &both, (0.005, 1), &[true; 3000], 0.0)
     }
 
-    /// White noise of a log with half the sampling rate: interpolation correlates neighbouring samples, and samples
-    /// between different pairs of readings are independent.
+    /// White noise of a log with half the sampling rate: interpolation correlates neighbouring samples, and
+    /// samples between different pairs of readings are independent.
     #[test]
     fn interpolated_white_noise_is_white_at_independent_samples() {
         let read = |k: i32| match k % 2 {
@@ -335,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delay_an_offset_and_white_noise_are_told_apart() {
+    fn a_delay_an_offset_and_white_noise_are_distinguished() {
         let late = compared(|k| course(k, 0.023) + 0.01 * scatter(k), |k| course(k, 0.0));
         assert!((late.delay.unwrap() - 0.023).abs() < 1e-3, "{:?}", late.delay);
         let [first, second] = late.delay_halves.unwrap();

@@ -3,10 +3,10 @@
 use crate::drive::Drive;
 use crate::error::IdentifyError;
 use crate::fault_isolation::Fault;
-use crate::motor::Asked;
+use crate::motor::MotorCommand;
 use crate::noise::noise;
-use crate::oscillation::{is_held, release, resting};
-use crate::prediction::{STARTS, STEPS};
+use crate::oscillation::{final_value, is_held, release};
+use crate::prediction::{INITIAL_VALUES, STEPS};
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
@@ -49,8 +49,8 @@ pub struct Experiment {
     pub(crate) drive: Drive,
     /// Driving signal of the log: motor speed or its command, or valve command.
     pub driving: Signal,
-    /// Command of the motor, if the log contains it beside the speed and the model has a drive.
-    pub(crate) asked: Option<Asked>,
+    /// Command of the motor, if the log contains both command and speed and the model has a drive.
+    pub(crate) motor_command: Option<MotorCommand>,
     /// Control period \[s\].
     pub(crate) period: f64,
     /// Control periods per sample.
@@ -64,10 +64,10 @@ pub struct Experiment {
     /// Time constants of the signals' filters \[s\].
     pub(crate) filters: [f64; COMPARED.len()],
     /// Measured initial values.
-    pub(crate) beginning: [Option<f64>; STARTS],
+    pub(crate) initial_values: [Option<f64>; INITIAL_VALUES],
     /// Sampling interval of the log for each compared signal, then for the driving signal; zero for an
     /// input that is constant throughout \[s\].
-    pub(crate) apart: ([f64; COMPARED.len()], f64),
+    pub(crate) sampling_intervals: ([f64; COMPARED.len()], f64),
     /// Standard deviations of the compared signals' noise in SI units; zero if not measured.
     pub(crate) noise: [f64; COMPARED.len()],
     /// Remarks on the log.
@@ -85,25 +85,26 @@ pub(crate) struct Times {
 }
 
 /// Input period for a crane file without a control period \[s\].
-const HELD: f64 = 1e-3;
+const INPUT_PERIOD: f64 = 1e-3;
 /// Interval of the comparison \[s\]: a period of the boom's first mode has about a hundred samples, one of
 /// the second about thirty.
 const INTERVAL: f64 = 5e-3;
 /// Time over which the initial values are determined \[s\].
-const BEGINNING: f64 = 0.05;
+const INITIAL_TIME: f64 = 0.05;
 /// Velocity below which the crane is at rest \[m/s\].
 const REST: f64 = 2e-3;
 /// Largest number of omitted segments in a remark.
-const MOST_TOLD: usize = 5;
+const MOST_LISTED: usize = 5;
 /// Initial time at rest that counts as a start at rest \[s\].
-const RESTING: f64 = 0.3;
+const REST_TIME: f64 = 0.3;
 
 impl Experiment {
     /// Experiment from a log's signals within a window, for a model.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] if the position or the driving signal is missing, or nothing of them is left.
+    /// [`IdentifyError`] if the position or the driving signal is missing, or the window contains too little
+    /// of them.
     pub fn new(
         model: &Description,
         log: &Measurement,
@@ -126,19 +127,19 @@ impl Experiment {
                 () if end < first => "before the beginning of the log",
                 () => "no time",
             };
-            let asked = [(window.from, "from"), (window.to, "to")].into_iter();
-            let asked: Vec<String> =
-                asked.filter_map(|(at, word)| Some(format!("{word} {:.3} s", at?))).collect();
+            let requested = [(window.from, "from"), (window.to, "to")].into_iter();
+            let requested: Vec<String> =
+                requested.filter_map(|(at, word)| Some(format!("{word} {:.3} s", at?))).collect();
             return Err(wrong(format!(
                 "{} is {place}: position and {} are measured from {first:.3} to {last:.3} s",
-                asked.join(" "),
+                requested.join(" "),
                 driving.symbol()
             )));
         }
         let n = &model.numbers;
         let period = match model.choices.circuit {
             CircuitChoice::SelfContained => n.control_period,
-            CircuitChoice::ValveControlled => HELD,
+            CircuitChoice::ValveControlled => INPUT_PERIOD,
         };
         let times = |begin: f64| {
             let count = ((end - begin) / period).floor();
@@ -155,7 +156,7 @@ impl Experiment {
             remarks.push(format!(
                 "an oscillation test: the load is held, the boom let go at {:.3} s with p_A {:+.2} bar off",
                 release.time,
-                release.swing * 1e-5
+                release.deflection * 1e-5
             ));
         }
         let begin = release.map_or(begin, |release| release.time);
@@ -169,9 +170,9 @@ impl Experiment {
         }
         let drive = Drive::new(model, driving, signals, &times(begin), &mut remarks);
         let every = (INTERVAL / period).round().max(1.0) as usize;
-        let asked = Asked::new(model, signals, &times(begin));
+        let motor_command = MotorCommand::new(model, signals, &times(begin));
         let mut tracks = COMPARED.map(|signal| signals.get(signal));
-        if asked.is_none() {
+        if motor_command.is_none() {
             tracks[CRANE] = None;
         }
         let samples: Vec<Sample> = (0..=count as usize)
@@ -182,14 +183,14 @@ impl Experiment {
             })
             .collect();
         let average = |track: Option<&Track>| match release {
-            Some(_) => resting(track?, begin, end),
-            None => at_beginning(track?, begin),
+            Some(_) => final_value(track?, begin, end),
+            None => initial_value(track?, begin),
         };
         let stroke = average(Some(position))
             .ok_or_else(|| wrong(format!("no position at its beginning, {begin:.3} s")))?;
-        let later = position.at(begin + RESTING);
+        let later = position.at(begin + REST_TIME);
         let is_moving =
-            release.is_none() && later.is_some_and(|x| (x - stroke).abs() > REST * RESTING);
+            release.is_none() && later.is_some_and(|x| (x - stroke).abs() > REST * REST_TIME);
         if is_moving {
             remarks.push(
                 "it begins in motion, and the model at rest: the first seconds differ for that reason".into(),
@@ -197,10 +198,10 @@ impl Experiment {
         }
         let [_, pump_a, piston_side, rod_side, pump_b, accumulator, _] = tracks.map(average);
         let stroke = Some(stroke.clamp(0.0, n.stroke));
-        let beginning = match model.choices.circuit {
+        let initial_values = match model.choices.circuit {
             CircuitChoice::SelfContained => {
-                let swing = release.map(|release| release.swing);
-                [stroke, pump_a, rod_side, pump_b, accumulator, swing]
+                let deflection = release.map(|release| release.deflection);
+                [stroke, pump_a, rod_side, pump_b, accumulator, deflection]
             }
             CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None, None],
         };
@@ -211,17 +212,17 @@ impl Experiment {
         Ok(Self {
             name: log.name.clone(),
             begin,
-            apart: (tracks.map(|track| track.map_or(0.0, Track::interval)), driven),
+            sampling_intervals: (tracks.map(|track| track.map_or(0.0, Track::interval)), driven),
             drive,
             driving,
-            asked,
+            motor_command,
             period,
             every,
             merged: 1,
             steps: STEPS,
             samples,
             filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
-            beginning,
+            initial_values,
             noise: tracks.map(|track| track.map_or(0.0, |track| noise(track, begin, end))),
             remarks,
         })
@@ -274,9 +275,9 @@ impl Experiment {
         match (found.first_mut(), error) {
             (None, Some(reason)) => return Err(reason),
             (Some(first), Some(reason)) => {
-                let more = left_out.len().saturating_sub(MOST_TOLD);
+                let more = left_out.len().saturating_sub(MOST_LISTED);
                 let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-                let named: Vec<String> = left_out.into_iter().take(MOST_TOLD).collect();
+                let named: Vec<String> = left_out.into_iter().take(MOST_LISTED).collect();
                 first.remarks.push(format!(
                     "segments that are left out: {}{more} ({reason})",
                     named.join(", ")
@@ -324,7 +325,7 @@ impl Experiment {
                     _ => values[k].map(read),
                 };
             }
-            for (begun, channel) in other.beginning.iter_mut().zip(self.start_channels()) {
+            for (begun, channel) in other.initial_values.iter_mut().zip(self.initial_channels()) {
                 if channel == Some(place) {
                     *begun = begun.map(read);
                 }
@@ -356,9 +357,9 @@ impl Experiment {
     /// Initial value of a compared signal \[SI\]; none if it was not measured, or is the pressure that
     /// carries the load.
     pub fn begun(&self, signal: Signal) -> Option<f64> {
-        let channels = self.start_channels();
+        let channels = self.initial_channels();
         let of = |channel: &Option<usize>| channel.is_some_and(|k| COMPARED[k] == signal);
-        self.beginning[channels.iter().position(of)?]
+        self.initial_values[channels.iter().position(of)?]
     }
 
     /// Whether a compared signal was measured.
@@ -368,7 +369,7 @@ impl Experiment {
     }
 
     /// Index of the compared signal from which each initial value was taken.
-    pub(crate) fn start_channels(&self) -> [Option<usize>; STARTS] {
+    pub(crate) fn initial_channels(&self) -> [Option<usize>; INITIAL_VALUES] {
         match self.drive {
             Drive::Pump(_) => [Some(0), Some(1), Some(3), Some(4), Some(5), None],
             Drive::Valve(..) => [Some(0), Some(2), Some(3), None, None, None],
@@ -395,10 +396,10 @@ fn between(values: &[Option<f64>], at: f64) -> Option<f64> {
 
 /// Initial value of a signal by linear regression over its first samples, because a pump side leaks by bars
 /// per second and its sensor is noisy.
-fn at_beginning(track: &Track, begin: f64) -> Option<f64> {
+fn initial_value(track: &Track, begin: f64) -> Option<f64> {
     let there = track.time().iter().zip(track.values());
     let there: Vec<(f64, f64)> = there
-        .filter(|(t, _)| (begin..=begin + BEGINNING).contains(*t))
+        .filter(|(t, _)| (begin..=begin + INITIAL_TIME).contains(*t))
         .map(|(t, v)| (t - begin, *v))
         .collect();
     if there.len() < 3 {

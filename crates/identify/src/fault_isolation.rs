@@ -12,7 +12,7 @@ use crate::differences::{Difference, Differences, differences};
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::limits::LIMITS;
-use crate::prediction::{Direction, Prediction, STARTS, predict, slopes_from};
+use crate::prediction::{Direction, INITIAL_VALUES, Prediction, predict, sensitivities_from};
 use crate::verdict::{is_beyond, of_size};
 use hydroboom_description::Description;
 use hydroboom_measurement::Signal;
@@ -70,16 +70,16 @@ pub struct Isolated {
 }
 
 /// Largest number of faults.
-const MOST: usize = 3;
+const MOST_FAULTS: usize = 3;
 /// Number of offset and scale hypotheses that are tested by a model run, the best ones of the linear
 /// ranking.
-const TRIED: usize = 3;
+const TESTED_HYPOTHESES: usize = 3;
 /// Increase of another difference by more than this factor rejects a fault.
-const HARMED: f64 = 1.1;
+const LARGEST_INCREASE: f64 = 1.1;
 /// Shift of the inputs for the derivative with respect to a delay \[s\].
-const NUDGE: f64 = 10e-3;
+const INPUT_SHIFT: f64 = 10e-3;
 /// Largest delay of an input \[s\].
-const LONGEST: f64 = 0.2;
+const LONGEST_DELAY: f64 = 0.2;
 
 /// Isolates faults of a log's signals. A difference that two sensors of nearly the same pressure share is
 /// attributed to the crane.
@@ -91,9 +91,9 @@ pub fn isolate(model: &Description, experiment: &Experiment) -> Result<Isolated,
     let read = Compared::new(model, experiment.clone())?;
     let (prediction, found) = (read.prediction.clone(), read.found.clone());
     let (mut now, mut faults) = (read, Vec::<SignalFault>::new());
-    while faults.len() < MOST && now.found.iter().any(|d| is_beyond(d) || d.is_late()) {
-        let known: Vec<Signal> = faults.iter().map(|fault| fault.signal).collect();
-        let Some((fault, then)) = best(model, &now, &known)? else { break };
+    while faults.len() < MOST_FAULTS && now.found.iter().any(|d| is_beyond(d) || d.is_late()) {
+        let isolated: Vec<Signal> = faults.iter().map(|fault| fault.signal).collect();
+        let Some((fault, then)) = best(model, &now, &isolated)? else { break };
         if fault.is_told() {
             now = then;
         }
@@ -127,8 +127,8 @@ impl Compared {
 
     /// RMS of the judged differences over their limits.
     fn sizes(&self) -> impl Iterator<Item = (Signal, f64)> {
-        let told = self.found.iter().filter(|d| d.unresolved.is_none());
-        told.map(|d| (d.signal, d.rms / of_size(d).limit))
+        let resolved = self.found.iter().filter(|d| d.unresolved.is_none());
+        resolved.map(|d| (d.signal, d.rms / of_size(d).limit))
     }
 
     /// Sum of ln(1 + square)/2 over them, the objective also used for keys.
@@ -147,8 +147,8 @@ impl Compared {
             let (count, sum) = left.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
             (count > 0.0).then(|| f64::sqrt(sum / count))
         };
-        let told = self.found.iter().filter(|d| d.unresolved.is_none());
-        let over = told.filter_map(|d| Some(rms(place(d.signal)?)? / of_size(d).limit));
+        let resolved = self.found.iter().filter(|d| d.unresolved.is_none());
+        let over = resolved.filter_map(|d| Some(rms(place(d.signal)?)? / of_size(d).limit));
         Some(over.map(|over| 0.5 * (1.0 + over * over).ln()).sum())
     }
 
@@ -186,18 +186,18 @@ fn place(signal: Signal) -> Option<usize> {
 fn best(
     model: &Description,
     now: &Compared,
-    known: &[Signal],
+    isolated: &[Signal],
 ) -> Result<Option<(SignalFault, Compared)>, IdentifyError> {
     let sensors = match now.found.iter().any(is_beyond) {
-        true => hypotheses(model, now, known)?,
+        true => hypotheses(model, now, isolated)?,
         false => Vec::new(),
     };
     let tried = |of: &Hypothesis| of.tried(model, now);
     let mut all: Vec<(SignalFault, Compared)> = sensors.par_iter().filter_map(tried).collect();
-    if !known.contains(&now.experiment.driving) {
+    if !isolated.contains(&now.experiment.driving) {
         all.extend(with_late_input(model, now));
     }
-    if !known.contains(&Signal::HoldingValve) {
+    if !isolated.contains(&Signal::HoldingValve) {
         all.extend(with_late_valve(model, now));
     }
     Ok(all.into_iter().min_by(|a, b| a.1.sum().total_cmp(&b.1.sum())))
@@ -215,22 +215,23 @@ struct Hypothesis {
 fn hypotheses(
     model: &Description,
     now: &Compared,
-    known: &[Signal],
+    isolated: &[Signal],
 ) -> Result<Vec<Hypothesis>, IdentifyError> {
-    let channels = now.experiment.start_channels();
-    let is_begun_by = |k: &usize| channels[*k].is_some() && now.experiment.beginning[*k].is_some();
-    let starts: Vec<usize> = (1..STARTS).filter(is_begun_by).collect();
-    let along: Vec<Direction> = starts.iter().map(|k| Direction::Start(*k)).collect();
-    let (_, slopes) = slopes_from(model, &now.experiment, &[0.0; STARTS], &along)?;
+    let channels = now.experiment.initial_channels();
+    let is_initialised =
+        |k: &usize| channels[*k].is_some() && now.experiment.initial_values[*k].is_some();
+    let starts: Vec<usize> = (1..INITIAL_VALUES).filter(is_initialised).collect();
+    let along: Vec<Direction> = starts.iter().map(|k| Direction::InitialValue(*k)).collect();
+    let (_, slopes) = sensitivities_from(model, &now.experiment, &[0.0; INITIAL_VALUES], &along)?;
     let slope_of = |place: usize| {
         let start = starts.iter().position(|start| channels[*start] == Some(place))?;
         slopes.get(start)
     };
-    let is_asked = |d: &&Difference| {
-        d.unresolved.is_none() && !d.is_late() && !d.is_of_clock() && !known.contains(&d.signal)
+    let is_candidate = |d: &&Difference| {
+        d.unresolved.is_none() && !d.is_late() && !d.is_of_clock() && !isolated.contains(&d.signal)
     };
     let mut all = Vec::new();
-    for signal in now.found.iter().filter(is_asked).map(|d| d.signal) {
+    for signal in now.found.iter().filter(is_candidate).map(|d| d.signal) {
         let Some(own) = place(signal) else { continue };
         let slope = slope_of(own);
         let first = now.prediction.first().map_or(0.0, |row| row[own]);
@@ -245,10 +246,10 @@ fn hypotheses(
         }
     }
     let enough = (1.0 - LIMITS.worthwhile) * now.sum();
-    let straight = all.into_iter().filter_map(|of| Some((now.sum_along(&of.direction)?, of)));
-    let mut straight: Vec<(f64, Hypothesis)> = straight.filter(|(sum, _)| *sum < enough).collect();
-    straight.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(straight.into_iter().take(TRIED).map(|(_, of)| of).collect())
+    let ranked = all.into_iter().filter_map(|of| Some((now.sum_along(&of.direction)?, of)));
+    let mut ranked: Vec<(f64, Hypothesis)> = ranked.filter(|(sum, _)| *sum < enough).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(ranked.into_iter().take(TESTED_HYPOTHESES).map(|(_, of)| of).collect())
 }
 
 impl Hypothesis {
@@ -324,11 +325,12 @@ fn with_late_valve(model: &Description, now: &Compared) -> Option<(SignalFault, 
     if !now.experiment.drive.is_switched() {
         return None;
     }
-    let nudged = now.without(model, signal, Fault::Delay(NUDGE))?;
+    let nudged = now.without(model, signal, Fault::Delay(INPUT_SHIFT))?;
     let rows = nudged.prediction.iter().zip(&now.prediction);
-    let direction = rows.map(|(a, b)| std::array::from_fn(|k| (a[k] - b[k]) / NUDGE)).collect();
+    let direction =
+        rows.map(|(a, b)| std::array::from_fn(|k| (a[k] - b[k]) / INPUT_SHIFT)).collect();
     let mut delay = now.along(&direction)?;
-    if delay.abs() > LONGEST {
+    if delay.abs() > LONGEST_DELAY {
         return None;
     }
     delay += now.without(model, signal, Fault::Delay(delay))?.along(&direction)?;
@@ -341,7 +343,7 @@ fn with_delay(
     signal: Signal,
     delay: f64,
 ) -> Option<(SignalFault, Compared)> {
-    if !(LIMITS.shortest_delay..=LONGEST).contains(&delay.abs()) {
+    if !(LIMITS.shortest_delay..=LONGEST_DELAY).contains(&delay.abs()) {
         return None;
     }
     let fault = Fault::Delay(delay);
@@ -356,7 +358,7 @@ fn accepted(
     signal: Signal,
     fault: Fault,
 ) -> Option<(SignalFault, Compared)> {
-    let (mut explains, mut is_harmed) = (Vec::new(), false);
+    let (mut explains, mut is_increased) = (Vec::new(), false);
     for (of, before) in now.sizes() {
         let Some((_, after)) = then.sizes().find(|(signal, _)| *signal == of) else { continue };
         // several equally delayed signals count even within their limits
@@ -365,7 +367,7 @@ fn accepted(
         if (before > 1.0 || is_late) && after < LIMITS.most * before {
             explains.push(of);
         }
-        is_harmed |= after > 1.0 && after > HARMED * before;
+        is_increased |= after > 1.0 && after > LARGEST_INCREASE * before;
     }
     let is_own = now.difference(signal).is_some_and(is_beyond);
     let is_explained = match is_own {
@@ -373,7 +375,7 @@ fn accepted(
         false => explains.len() >= 2,
     };
     let is_better = then.sum() < (1.0 - LIMITS.worthwhile) * now.sum();
-    if is_harmed || !is_explained || !is_better {
+    if is_increased || !is_explained || !is_better {
         return None;
     }
     let is_measured = |other: &&Signal| now.difference(**other).is_some();

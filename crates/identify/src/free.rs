@@ -112,7 +112,7 @@ impl Free {
 
     /// Keys with an effect on a log that other keys can replace. They are fixed unless requested, and their
     /// uncertainty widens the intervals of the free keys.
-    pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
+    pub(crate) fn replaceable(model: &Description) -> Vec<Self> {
         const OTHERS: [&str; 9] = [
             // only its product with E is observable, and E also replaces the flexibility of the base
             "boom.second_moment_cm4",

@@ -38,33 +38,34 @@ fn has_drive(model: &Description) -> bool {
 
 /// Commanded motor speed.
 #[derive(Clone, Debug)]
-pub(crate) struct Asked {
+pub(crate) struct MotorCommand {
     /// Command of each control period \[rev/s\]; the first [`before`](Self::before) of them precede the
     /// experiment.
     speeds: Vec<f64>,
     before: usize,
     /// Initial speed of the motor \[rev/s\].
-    beginning: f64,
+    initial_speed: f64,
 }
 
 /// Largest dead time \[s\].
-const LONGEST: f64 = 0.3;
+const LONGEST_DEAD_TIME: f64 = 0.3;
 
-impl Asked {
+impl MotorCommand {
     /// Commands of a log; none if the log lacks the command or the measured speed, or the model has no
     /// drive.
     pub(crate) fn new(model: &Description, signals: &Signals, times: &Times) -> Option<Self> {
-        let (asked, read) = (signals.get(Signal::MotorCommand)?, signals.get(Signal::MotorSpeed)?);
+        let (command, read) =
+            (signals.get(Signal::MotorCommand)?, signals.get(Signal::MotorSpeed)?);
         if !has_drive(model) {
             return None;
         }
         let Times { begin, period, count } = *times;
-        let before = (LONGEST / period).ceil() as usize + 1;
+        let before = (LONGEST_DEAD_TIME / period).ceil() as usize + 1;
         let at = |k: usize| begin + (k as f64 - before as f64) * period;
-        let first = asked.at(begin).or_else(|| asked.held(begin))?;
-        let speed = |k: usize| asked.at(at(k)).or_else(|| asked.held(at(k))).unwrap_or(first);
-        let beginning = read.at(begin).or_else(|| read.held(begin)).unwrap_or(first);
-        Some(Self { speeds: (0..before + count).map(speed).collect(), before, beginning })
+        let first = command.at(begin).or_else(|| command.held(begin))?;
+        let speed = |k: usize| command.at(at(k)).or_else(|| command.held(at(k))).unwrap_or(first);
+        let initial_speed = read.at(begin).or_else(|| read.held(begin)).unwrap_or(first);
+        Some(Self { speeds: (0..before + count).map(speed).collect(), before, initial_speed })
     }
 
     /// Measured motor speed \[rev/s\] every `every` control periods, from the start on.
@@ -84,7 +85,7 @@ impl Asked {
             largest_speed: n.motor_speed,
             slew: n.motor_slew,
         };
-        let mut state = DriveState::steady(T::lit(self.beginning));
+        let mut state = DriveState::steady(T::lit(self.initial_speed));
         let mut read = Vec::with_capacity(count);
         for k in 0..self.speeds.len() - self.before {
             if k % every == 0 {

@@ -62,9 +62,9 @@ pub(super) struct Considered {
 
 impl Considered {
     pub(super) fn of(task: &Task<'_>) -> Self {
-        let all = Free::usual(task.model).into_iter().chain(Free::stood_in_for(task.model));
+        let all = Free::usual(task.model).into_iter().chain(Free::replaceable(task.model));
         let keys: Vec<Free> = all.filter(|key| !task.free.contains(key)).collect();
-        let deviation = keys.iter().map(|key| key.held_to(task.model)).collect();
+        let deviation = keys.iter().map(|key| key.fixed_prior_deviation(task.model)).collect();
         Self { keys, deviation }
     }
 }

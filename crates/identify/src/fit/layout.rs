@@ -5,16 +5,16 @@ use super::residual::Slopes;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::free::Free;
-use crate::prediction::{Direction, Prediction, STARTS, predict_from, slopes_from};
+use crate::prediction::{Direction, INITIAL_VALUES, Prediction, predict_from, sensitivities_from};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use rayon::prelude::*;
 
 /// What sensors err by at the start of a log, and so the units in which its starts are moved: stroke \[m\], pressures \[Pa\].
-const START_SCALE: [f64; STARTS] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5, 0.5e5];
+const START_SCALE: [f64; INITIAL_VALUES] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5, 0.5e5];
 
 /// Numbers of each log that are moved beside the keys.
-pub(super) const PER_LOG: usize = STARTS + Nuisance::COUNT;
+pub(super) const PER_LOG: usize = INITIAL_VALUES + Nuisance::COUNT;
 
 /// What is moved: ln θ of the keys, then for each log its starts, and delays and offsets of its channels in units of what is known of
 /// them.
@@ -51,7 +51,7 @@ impl Layout<'_> {
 
     /// Delays and offsets of a log's channels that are moved, each with its place: of those that were measured.
     pub(super) fn nuisances(&self, log: usize) -> impl Iterator<Item = (usize, Nuisance)> {
-        let from = self.starts(log) + STARTS;
+        let from = self.starts(log) + INITIAL_VALUES;
         let experiment = &self.experiments[log];
         (0..Nuisance::COUNT).map(move |k| (from + k, Nuisance::at(k))).filter(|(_, nuisance)| {
             !self.fixed.contains(nuisance) && experiment.is_measured(nuisance.signal)
@@ -60,7 +60,7 @@ impl Layout<'_> {
 
     /// Delays \[s\] and offsets \[SI\] of a log's channels.
     fn channels(&self, at: &[f64], log: usize) -> [[f64; COMPARED.len()]; 2] {
-        let from = self.starts(log) + STARTS;
+        let from = self.starts(log) + INITIAL_VALUES;
         let of = |place: usize| {
             let allowed = Nuisance::at(place).allowed();
             at[from + place] * allowed.deviation * allowed.size
@@ -70,9 +70,9 @@ impl Layout<'_> {
     }
 
     /// What is added to a log's starts: what they are moved by, less what the reading they were taken from is off by.
-    fn offsets(&self, at: &[f64], log: usize) -> [f64; STARTS] {
+    fn offsets(&self, at: &[f64], log: usize) -> [f64; INITIAL_VALUES] {
         let (from, [_, offsets]) = (self.starts(log), self.channels(at, log));
-        let channel = self.experiments[log].start_channels();
+        let channel = self.experiments[log].initial_channels();
         std::array::from_fn(|k| {
             at[from + k] * START_SCALE[k] - channel[k].map_or(0.0, |c| offsets[c])
         })
@@ -125,12 +125,12 @@ impl Layout<'_> {
         let (keys, from) = (self.free.len(), self.starts(log));
         let mut along: Vec<Direction> = self.free.iter().map(|key| Direction::Key(*key)).collect();
         let measured: Vec<usize> =
-            (0..STARTS).filter(|k| experiment.beginning[*k].is_some()).collect();
+            (0..INITIAL_VALUES).filter(|k| experiment.initial_values[*k].is_some()).collect();
         if kept.is_none() {
-            along.extend(measured.iter().map(|k| Direction::Start(*k)));
+            along.extend(measured.iter().map(|k| Direction::InitialValue(*k)));
         }
         let (prediction, mut slopes) =
-            slopes_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
+            sensitivities_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
         let starts = slopes.split_off(keys);
         let starts = kept.get_or_insert_with(|| measured.into_iter().zip(starts).collect());
         let mut placed: Slopes = slopes.into_iter().enumerate().collect();
@@ -139,7 +139,7 @@ impl Layout<'_> {
             (from + k, slope.iter().map(scaled).collect())
         }));
         // what a reading is off by, its start is off by too
-        let channels = experiment.start_channels();
+        let channels = experiment.initial_channels();
         let nuisances: Vec<(usize, Nuisance)> = self.nuisances(log).collect();
         let offsets = nuisances.iter().filter(|(_, n)| n.effect == Effect::Offset);
         placed.extend(offsets.map(|(place, nuisance)| {
@@ -192,7 +192,7 @@ impl Layout<'_> {
         let experiment = &self.experiments[log];
         let along: Vec<Direction> = keys.iter().map(|key| Direction::Key(*key)).collect();
         let (_, mut slopes) =
-            slopes_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
+            sensitivities_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
         let ([delays, _], interval) = (self.channels(at, log), experiment.interval());
         for slope in &mut slopes {
             all_delayed(slope, &delays, interval);

@@ -25,9 +25,9 @@ pub use watch::Progress;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
+use crate::oscillation_features::OscillationFeatures;
 use crate::prediction::{Prediction, predict_from};
 use crate::structural_limit::limit_of;
-use crate::tuning_fork::TuningFork;
 use certainty::{Certainty, Considered};
 use determination::Common;
 use hydroboom_description::Description;
@@ -192,7 +192,7 @@ impl Fit {
                 to[place] = value * nuisance.allowed().size;
             }
         }
-        let channel = experiment.start_channels();
+        let channel = experiment.initial_channels();
         let starts = std::array::from_fn(|k| channel[k].map_or(0.0, |place| -offsets[place]));
         let mut shown = predict_from(&self.description, experiment, &starts)?;
         nuisance::all_delayed(&mut shown, &delays, experiment.interval());
@@ -243,7 +243,7 @@ impl<'a> Task<'a> {
     fn known(&self) -> Known {
         let mut mean: Vec<f64> = self.free.iter().map(|key| key.value(self.model).ln()).collect();
         let mut deviation: Vec<f64> =
-            self.free.iter().map(|key| key.known_to(self.model)).collect();
+            self.free.iter().map(|key| key.prior_deviation(self.model)).collect();
         let of_logs = PER_LOG * self.experiments.len();
         mean.extend(std::iter::repeat_n(0.0, of_logs));
         deviation.extend(std::iter::repeat_n(1.0, of_logs));
@@ -274,11 +274,11 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     }
     // first the pitch, where log and model ring differently: compared sample by sample they would be out of phase
     let there = layout.predictions(at.as_slice())?;
-    let forks: Vec<Option<TuningFork>> = task
+    let forks: Vec<Option<OscillationFeatures>> = task
         .experiments
         .iter()
         .zip(&there)
-        .map(|(e, p)| TuningFork::new(e, p, task.generations > 0))
+        .map(|(e, p)| OscillationFeatures::new(e, p, task.generations > 0))
         .collect();
     let all = Nuisance::named("all")?;
     if forks.iter().any(Option::is_some) {

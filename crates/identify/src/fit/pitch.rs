@@ -2,15 +2,15 @@
 
 use super::layout::Layout;
 use super::search::{Search, Sum};
+use crate::oscillation_features::OscillationFeatures;
 use crate::prediction::Prediction;
-use crate::tuning_fork::TuningFork;
 use cmaes::{CMAESOptions, DVector as Point};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// The pitch of each log that log and model differ in.
 pub(super) struct Pitch<'a> {
-    pub(super) forks: &'a [Option<TuningFork>],
+    pub(super) forks: &'a [Option<OscillationFeatures>],
 }
 
 impl Sum for Pitch<'_> {
@@ -31,7 +31,7 @@ impl Sum for Pitch<'_> {
             whole = whole.resize_vertically(from + rows, 0.0);
             let columns: Vec<(usize, Vec<f64>)> = slopes
                 .par_iter()
-                .map(|(place, slope)| (*place, fork.slopes(prediction, slope)))
+                .map(|(place, slope)| (*place, fork.derivative(prediction, slope)))
                 .collect();
             for (place, column) in columns {
                 let column = DVector::from_vec(column);

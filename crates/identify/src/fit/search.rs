@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use super::watch::Watch;
-use crate::prediction::{Prediction, STARTS};
+use crate::prediction::{INITIAL_VALUES, Prediction};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
 use std::cell::{Cell, RefCell};
@@ -73,7 +73,7 @@ impl<'a, 'w, S: Sum> Search<'a, 'w, S> {
     /// The search at its end, and whether nothing more was to be gained.
     pub(super) fn minimised(self, ends: Ends) -> (Self, bool) {
         // the method counts runs for each number that is moved; channels are as good as linear and cost none
-        let (keys, all) = (self.layout.free.len() + STARTS, self.at.len());
+        let (keys, all) = (self.layout.free.len() + INITIAL_VALUES, self.at.len());
         let method = LevenbergMarquardt::new()
             .with_ftol(ends.sum)
             .with_xtol(ends.place)

@@ -18,19 +18,20 @@ pub fn prior(provenance: &str) -> f64 {
 
 /// Largest relative standard deviation of a fixed length. Drawings and tapes are more accurate than the
 /// provenance, which covers all kinds of numbers.
-const LENGTH: f64 = 0.03;
+const LENGTH_DEVIATION: f64 = 0.03;
 
 impl Free {
-    /// Prior standard deviation of ln θ of a fixed key, as [`Self::known_to`]; for a length 3 % at most.
-    pub fn held_to(self, model: &Description) -> f64 {
+    /// Prior standard deviation of ln θ of a fixed key, as [`Self::prior_deviation`]; for a length 3 % at
+    /// most.
+    pub fn fixed_prior_deviation(self, model: &Description) -> f64 {
         let is_length = KEYS.get(self.place).is_some_and(|key| matches!(key.unit, "mm" | "m"));
-        self.known_to(model).min(if is_length { LENGTH } else { f64::INFINITY })
+        self.prior_deviation(model).min(if is_length { LENGTH_DEVIATION } else { f64::INFINITY })
     }
 
     /// Prior standard deviation of ln θ of a key in a model: that of its provenance, and at least that of
     /// its range. The range covers changes by load, oil and wear up to the time of the log; it does not
     /// apply to a measured value. A value without provenance has its default spread, if there is one.
-    pub fn known_to(self, model: &Description) -> f64 {
+    pub fn prior_deviation(self, model: &Description) -> f64 {
         let origin = model.entries().nth(self.place).map(|(_, _, origin)| origin);
         let provenance = origin.map_or("", |origin| origin.provenance.as_str());
         let range = model.range(&self.path());
@@ -54,14 +55,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_given_is_known_to_its_default_spread_and_what_is_printed_to_its_provenance_or_range()
-    {
+    fn the_prior_of_a_key_is_its_default_spread_its_provenance_or_its_range() {
         let known = |text: &str, path: &str| {
             let mut model = Description::uia_single_boom().unwrap();
             if !text.is_empty() {
                 model.set(text).unwrap();
             }
-            Free::from_path(path).unwrap().known_to(&model)
+            Free::from_path(path).unwrap().prior_deviation(&model)
         };
         // printed, without a range
         assert_eq!(known("", "boom.youngs_modulus_gpa"), 0.1);
@@ -75,6 +75,6 @@ mod tests {
         let model = Description::uia_virtual().unwrap();
         let range = model.range(leakage).unwrap();
         let spread = (range.high / range.low).ln() / 12.0_f64.sqrt();
-        assert!((Free::from_path(leakage).unwrap().known_to(&model) - spread).abs() < 1e-12);
+        assert!((Free::from_path(leakage).unwrap().prior_deviation(&model) - spread).abs() < 1e-12);
     }
 }
