@@ -248,7 +248,7 @@ impl Tune {
         let task = self.task(asked, experiments, resume);
         let failed = RefCell::new(None);
         let found = fit(&task, &|progress| {
-            bar.set_message(format!("{what}{} runs, {:.0} left", progress.runs, progress.sum));
+            bar.set_message(format!("{what}{} runs, {:.0} left", progress.runs, progress.cost));
             bar.tick();
             let is_stopped = stop.load(Ordering::Relaxed);
             if let Some((journal, _)) = kept

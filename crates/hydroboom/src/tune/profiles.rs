@@ -43,7 +43,7 @@ impl Profiles {
                     "profile {} of {of}, {path}: {} runs, {:.0} left",
                     k + 1,
                     progress.runs,
-                    progress.sum
+                    progress.cost
                 ));
                 bar.tick();
                 !stop.load(Ordering::Relaxed)

@@ -1,16 +1,18 @@
-//! Whether logs determine a key: by a stated rule.
+//! Rule for whether logs determine a key.
 //!
-//! A key is determined where all of this holds, looked at in this order; the first that does not is the reason:
+//! A key is determined if all of these conditions hold. The first one that fails is the reason why it is not:
 //!
-//! 1. the search converged: where it ended by a limit of its rounds, nothing is said of the key;
-//! 2. it is not biased: no lack of fit, or no structural limit that is known of the key;
-//! 3. it is not at the end of what a crane file allows, and no channel's delay or offset is at the end of what is allowed of it: what the sum would gain beyond
-//!    is in the other keys;
-//! 4. the tuned model is right for position and pressures of every log, by the [limits](crate::LIMITS) of the verdict;
-//! 5. the logs alone say more of it than was known: provenance, and range where there is one;
-//! 6. its 95 % interval reaches no further than from 3/4 to 4/3 of its value.
+//! 1. The iteration has converged.
+//! 2. The key is not biased: there is no lack of fit, or no structural limit of the key is known.
+//! 3. Neither the key nor the delay or offset of any channel is at a bound. Otherwise its excess biases the
+//!    other keys.
+//! 4. The fitted model is within the [limits](crate::LIMITS) of the verdict for position and pressures of
+//!    every log.
+//! 5. The standard deviation from the logs alone is below the prior one of provenance and range.
+//! 6. The 95 % interval is within 3/4 to 4/3 of the value.
 //!
-//! Frequency and damping do not count: they are of the boom's ringing, and the keys that move those have a structural limit each.
+//! Frequency and damping of the boom's oscillation do not count, because the keys that change them all have a
+//! structural limit.
 
 use super::nuisance::Nuisance;
 use super::{Channel, Tuned};
@@ -19,29 +21,29 @@ use crate::experiment::Experiment;
 use crate::prediction::Prediction;
 use crate::verdict::{Aspect, Judgement, verdict};
 
-/// Whether logs determine a key, and why not.
+/// Whether logs determine a key, and the reason if not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Determination {
-    /// They do.
+    /// All conditions hold.
     Determined,
-    /// The search ended before its optimum.
+    /// The iteration ended before the minimum.
     NotConverged,
-    /// The logs show that the model is not the true one, and what it leaves out, which is said here, is found in the key.
+    /// The logs show a lack of fit, and the given omitted effect biases the key.
     Biased(&'static str),
-    /// It ended at a value that a crane file does not allow to pass.
+    /// The estimate is at a bound of the crane file.
     AtLimit,
-    /// A channel's delay or offset ended where it may not pass.
+    /// The delay or offset of a channel is at a bound of its range.
     ChannelAtLimit(Nuisance),
-    /// The tuned model is not right for a log.
+    /// The fitted model exceeds the limit of an aspect of a log.
     ModelNotRight(Aspect),
-    /// The logs alone say no more of it than was known.
+    /// The standard deviation from the logs alone is not below the prior one.
     NotMoreThanKnown,
-    /// Its 95 % interval is wide beside its value.
+    /// The 95 % interval is too wide relative to the value.
     WideInterval,
 }
 
 impl Determination {
-    /// Why the key is not determined, as the end of a sentence; none where it is.
+    /// Reason why the key is not determined, as the end of a sentence; none if it is.
     pub fn reason(self) -> Option<String> {
         Some(match self {
             Self::Determined => return None,
@@ -76,29 +78,30 @@ fn name(aspect: Aspect) -> &'static str {
     }
 }
 
-/// An interval reaches no further than this ratio of its key's value either way. Ours: a load that is known to a third.
+/// Largest ratio of an end of the 95 % interval to the value, or of the value to that end \[-\]. Ours: a
+/// payload known to a third.
 const WIDEST: f64 = 4.0 / 3.0;
-/// A number is at its limit within this share of what it may be.
+/// Distance from a bound at which a value counts as being at it, as a share of its range \[-\].
 const AT_LIMIT: f64 = 1e-3;
 
-/// Whether a value is at an end of a range, or beyond.
+/// Whether a value is at a bound of its range, or beyond.
 pub(super) fn is_at_limit(value: f64, [low, high]: [f64; 2]) -> bool {
     let near = AT_LIMIT * (high - low);
     value <= low + near || value >= high - near
 }
 
-/// What all keys of a search have in common.
-pub(super) struct Common {
-    /// Whether the search converged.
+/// Conditions that apply to all keys of a fit.
+pub(super) struct FitConditions {
+    /// Whether the iteration has converged.
     has_converged: bool,
-    /// An aspect in which the tuned model is not right.
-    wrong: Option<Aspect>,
-    /// A delay or offset at its limit.
+    /// Aspect in which the fitted model exceeds its limit.
+    exceeded: Option<Aspect>,
+    /// Delay or offset at a bound.
     at_limit: Option<Nuisance>,
 }
 
-impl Common {
-    /// Of what the tuned model shows, and the channels.
+impl FitConditions {
+    /// Conditions from the prediction of the fitted model and the estimates of the channels.
     pub(super) fn new(
         experiments: &[Experiment],
         after: &[Prediction],
@@ -111,15 +114,15 @@ impl Common {
         };
         Self {
             has_converged,
-            wrong: { judged }.find(counts).map(|j| j.aspect),
+            exceeded: { judged }.find(counts).map(|j| j.aspect),
             at_limit: channels.iter().find(|c| c.is_at_limit()).map(|c| c.nuisance),
         }
     }
 
-    /// Of one key, its structural limit being where lack of fit makes it count.
+    /// Determination of one key; `biased` is its structural limit if there is a lack of fit.
     pub(super) fn of(&self, t: &Tuned, biased: Option<&'static str>) -> Determination {
         let (low, high) = t.key.bounds();
-        // bounds span decades: near is meant of the value
+        // bounds span decades: the distance is relative to the value
         let is_at_end = t.value.1 <= low * (1.0 + AT_LIMIT) || t.value.1 >= high * (1.0 - AT_LIMIT);
         let (from, to) = t.interval();
         if !self.has_converged {
@@ -130,7 +133,7 @@ impl Common {
             Determination::AtLimit
         } else if let Some(nuisance) = self.at_limit {
             Determination::ChannelAtLimit(nuisance)
-        } else if let Some(aspect) = self.wrong {
+        } else if let Some(aspect) = self.exceeded {
             Determination::ModelNotRight(aspect)
         } else if t.from_logs >= t.prior {
             Determination::NotMoreThanKnown
@@ -148,7 +151,7 @@ mod tests {
     use crate::free::Free;
     use hydroboom_measurement::Signal;
 
-    /// A payload of 300 kg that was known to a third, with a deviation of ln θ.
+    /// Payload of 300 kg with a prior standard deviation of a third, and a posterior one of ln θ.
     fn payload(deviation: f64) -> Tuned {
         let key = Free { place: 0 };
         let place = hydroboom_description::schema::KEYS.iter();
@@ -165,24 +168,25 @@ mod tests {
         }
     }
 
-    const NOTHING: Common = Common { has_converged: true, wrong: None, at_limit: None };
+    const NOTHING: FitConditions =
+        FitConditions { has_converged: true, exceeded: None, at_limit: None };
 
     #[test]
     fn a_key_is_determined_where_the_interval_is_narrow_and_the_model_right() {
         assert_eq!(NOTHING.of(&payload(0.05), None), Determination::Determined);
-        // 182 to 497 kg: more than was known, and no finding
+        // 182 to 497 kg: better than the prior, and still not determined
         let wide = payload((497.0_f64 / 182.0).ln() / 2.0 / 1.96);
         assert!(wide.from_logs < wide.prior);
         assert_eq!(NOTHING.of(&wide, None), Determination::WideInterval);
         assert_eq!(NOTHING.of(&payload(0.4), None), Determination::NotMoreThanKnown);
-        let wrong = Common { wrong: Some(Aspect::Pressures), ..NOTHING };
-        let found = wrong.of(&payload(0.05), None);
+        let exceeded = FitConditions { exceeded: Some(Aspect::Pressures), ..NOTHING };
+        let found = exceeded.of(&payload(0.05), None);
         assert_eq!(found, Determination::ModelNotRight(Aspect::Pressures));
         assert!(found.reason().unwrap().contains("pressures"));
-        let biased = wrong.of(&payload(0.05), Some("play"));
+        let biased = exceeded.of(&payload(0.05), Some("play"));
         assert_eq!(biased, Determination::Biased("play"));
-        // where the search ended early, nothing is said of the key
-        let early = Common { has_converged: false, ..wrong };
+        // without convergence no other reason is given
+        let early = FitConditions { has_converged: false, ..exceeded };
         assert_eq!(early.of(&payload(0.05), Some("play")), Determination::NotConverged);
         assert_eq!(early.of(&payload(0.05), None), Determination::NotConverged);
         let mut at_end = payload(0.05);
@@ -191,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_channel_at_its_limit_is_seen_and_no_key_is_determined_beside_it() {
+    fn with_a_channel_at_its_bound_no_key_is_determined() {
         let nuisance = Nuisance::named("pressure_a.offset").unwrap()[0];
         let channel = |value: f64| Channel {
             log: "log".into(),
@@ -203,7 +207,7 @@ mod tests {
         assert_eq!(nuisance.signal, Signal::PressureA);
         assert!(channel(5.0).is_at_limit() && channel(-5.0).is_at_limit());
         assert!(!channel(4.5).is_at_limit() && !channel(0.0).is_at_limit());
-        let found = Common::new(&[], &[], &[channel(0.3), channel(-5.0)], true);
+        let found = FitConditions::new(&[], &[], &[channel(0.3), channel(-5.0)], true);
         assert_eq!(found.of(&payload(0.05), None), Determination::ChannelAtLimit(nuisance));
     }
 }

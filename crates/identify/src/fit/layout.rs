@@ -1,7 +1,7 @@
-//! What is moved, and what the model shows there.
+//! Layout of the parameter vector, and the model's prediction and sensitivities as functions of it.
 
 use super::nuisance::{Effect, Nuisance, all_delayed, delayed};
-use super::residual::Slopes;
+use super::residual::Sensitivities;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::free::Free;
@@ -10,92 +10,103 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use rayon::prelude::*;
 
-/// What sensors err by at the start of a log, and so the units in which its starts are moved: stroke \[m\], pressures \[Pa\].
-const START_SCALE: [f64; INITIAL_VALUES] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5, 0.5e5];
+/// Prior standard deviations of a log's initial values, from the sensors' errors: stroke \[m\], pressures
+/// \[Pa\]. The parameters are in these units.
+const INITIAL_VALUE_SCALE: [f64; INITIAL_VALUES] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5, 0.5e5];
 
-/// Numbers of each log that are moved beside the keys.
-pub(super) const PER_LOG: usize = INITIAL_VALUES + Nuisance::COUNT;
+/// Number of parameters of each log.
+pub(super) const PARAMETERS_PER_LOG: usize = INITIAL_VALUES + Nuisance::COUNT;
 
-/// What is moved: ln θ of the keys, then for each log its starts, and delays and offsets of its channels in units of what is known of
-/// them.
+/// Layout of the parameter vector: ln θ of the keys, then the parameters of each log. These are its initial
+/// values, then the delays and offsets of its channels, all in units of their prior standard deviations.
 #[derive(Clone, Copy)]
 pub(super) struct Layout<'a> {
     pub(super) model: &'a Description,
     pub(super) experiments: &'a [Experiment],
     pub(super) free: &'a [Free],
-    /// Delays and offsets that stay zero.
+    /// Delays and offsets that are fixed at zero.
     pub(super) fixed: &'a [Nuisance],
 }
 
 impl Layout<'_> {
-    /// The model with its keys moved.
-    pub(super) fn moved(&self, at: &[f64]) -> Description {
+    /// The model with the values of the free keys, within their bounds.
+    pub(super) fn description(&self, parameters: &[f64]) -> Description {
         let mut numbers = self.model.numbers.to_array();
-        for (key, ln) in self.free.iter().zip(at) {
+        for (key, ln) in self.free.iter().zip(parameters) {
             let (low, high) = key.bounds();
             numbers[key.place] = ln.exp().clamp(low, high);
         }
-        let mut moved = self.model.clone();
-        moved.numbers = Numbers::from_array(numbers);
-        moved
+        let mut description = self.model.clone();
+        description.numbers = Numbers::from_array(numbers);
+        description
     }
 
-    /// Place of a log's first start.
-    pub(super) fn starts(&self, log: usize) -> usize {
-        self.free.len() + PER_LOG * log
+    /// Index of a log's first initial value.
+    pub(super) fn first_initial_value(&self, log: usize) -> usize {
+        self.free.len() + PARAMETERS_PER_LOG * log
     }
 
+    /// Length of the parameter vector.
     pub(super) fn size(&self) -> usize {
-        self.starts(self.experiments.len())
+        self.first_initial_value(self.experiments.len())
     }
 
-    /// Delays and offsets of a log's channels that are moved, each with its place: of those that were measured.
+    /// Free delays and offsets of a log's measured channels, each with the index of its parameter.
     pub(super) fn nuisances(&self, log: usize) -> impl Iterator<Item = (usize, Nuisance)> {
-        let from = self.starts(log) + INITIAL_VALUES;
+        let from = self.first_initial_value(log) + INITIAL_VALUES;
         let experiment = &self.experiments[log];
-        (0..Nuisance::COUNT).map(move |k| (from + k, Nuisance::at(k))).filter(|(_, nuisance)| {
-            !self.fixed.contains(nuisance) && experiment.is_measured(nuisance.signal)
-        })
+        (0..Nuisance::COUNT).map(move |k| (from + k, Nuisance::at_index(k))).filter(
+            |(_, nuisance)| {
+                !self.fixed.contains(nuisance) && experiment.is_measured(nuisance.signal)
+            },
+        )
     }
 
     /// Delays \[s\] and offsets \[SI\] of a log's channels.
-    fn channels(&self, at: &[f64], log: usize) -> [[f64; COMPARED.len()]; 2] {
-        let from = self.starts(log) + INITIAL_VALUES;
-        let of = |place: usize| {
-            let allowed = Nuisance::at(place).allowed();
-            at[from + place] * allowed.deviation * allowed.size
+    fn delays_and_offsets(&self, parameters: &[f64], log: usize) -> [[f64; COMPARED.len()]; 2] {
+        let from = self.first_initial_value(log) + INITIAL_VALUES;
+        let of = |index: usize| {
+            let allowed = Nuisance::at_index(index).allowed();
+            parameters[from + index] * allowed.deviation * allowed.size
         };
-        // the motor's speed has none
+        // the motor speed has none
         [0, CRANE].map(|first| std::array::from_fn(|k| if k < CRANE { of(first + k) } else { 0.0 }))
     }
 
-    /// What is added to a log's starts: what they are moved by, less what the reading they were taken from is off by.
-    fn offsets(&self, at: &[f64], log: usize) -> [f64; INITIAL_VALUES] {
-        let (from, [_, offsets]) = (self.starts(log), self.channels(at, log));
+    /// Corrections of a log's initial values \[SI\]: their parameters minus the offsets of the channels they
+    /// were taken from.
+    fn initial_offsets(&self, parameters: &[f64], log: usize) -> [f64; INITIAL_VALUES] {
+        let (from, [_, offsets]) =
+            (self.first_initial_value(log), self.delays_and_offsets(parameters, log));
         let channel = self.experiments[log].initial_channels();
         std::array::from_fn(|k| {
-            at[from + k] * START_SCALE[k] - channel[k].map_or(0.0, |c| offsets[c])
+            parameters[from + k] * INITIAL_VALUE_SCALE[k] - channel[k].map_or(0.0, |c| offsets[c])
         })
     }
 
-    /// Keeps keys within what a crane file allows, delays and offsets within what is allowed of them.
-    pub(super) fn within_bounds(&self, at: &mut [f64]) {
-        for (z, key) in at.iter_mut().zip(self.free) {
+    /// Limits keys to the bounds of a crane file, and delays and offsets to their ranges.
+    pub(super) fn clamp_to_bounds(&self, parameters: &mut [f64]) {
+        for (z, key) in parameters.iter_mut().zip(self.free) {
             let (low, high) = key.bounds();
             *z = z.clamp(low.max(1e-300).ln(), high.ln());
         }
         for log in 0..self.experiments.len() {
-            for (place, nuisance) in self.nuisances(log) {
+            for (index, nuisance) in self.nuisances(log) {
                 let allowed = nuisance.allowed();
                 let [low, high] = allowed.range.map(|v| v / allowed.deviation);
-                at[place] = at[place].clamp(low, high);
+                parameters[index] = parameters[index].clamp(low, high);
             }
         }
     }
 
-    /// A prediction as the channels of a log show it: late, and off.
-    fn shown(&self, at: &[f64], log: usize, mut prediction: Prediction) -> Prediction {
-        let [delays, offsets] = self.channels(at, log);
+    /// Prediction with the delays and offsets of a log's channels.
+    fn through_channels(
+        &self,
+        parameters: &[f64],
+        log: usize,
+        mut prediction: Prediction,
+    ) -> Prediction {
+        let [delays, offsets] = self.delays_and_offsets(parameters, log);
         all_delayed(&mut prediction, &delays, self.experiments[log].interval());
         for row in &mut prediction {
             row.iter_mut().zip(offsets).for_each(|(v, offset)| *v += offset);
@@ -103,66 +114,77 @@ impl Layout<'_> {
         prediction
     }
 
-    pub(super) fn predictions(&self, at: &[f64]) -> Result<Vec<Prediction>, IdentifyError> {
-        let model = self.moved(at);
+    /// Prediction of each log.
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError`] if a simulation fails.
+    pub(super) fn predictions(&self, parameters: &[f64]) -> Result<Vec<Prediction>, IdentifyError> {
+        let model = self.description(parameters);
         let logs = self.experiments.par_iter().enumerate();
         logs.map(|(log, experiment)| {
-            let prediction = predict_from(&model, experiment, &self.offsets(at, log))?;
-            Ok(self.shown(at, log, prediction))
+            let prediction =
+                predict_from(&model, experiment, &self.initial_offsets(parameters, log))?;
+            Ok(self.through_channels(parameters, log, prediction))
         })
         .collect()
     }
 
-    /// A log's prediction, and its slopes with the places of what they are along. Slopes along its starts are taken
-    /// from `kept` where that has them: starts are moved by little, and what they do hardly changes.
-    fn slopes(
+    /// Prediction and sensitivities of a log. Sensitivities to its initial values are computed if `cached` is
+    /// empty: those values change little, and so do the sensitivities.
+    fn sensitivities(
         &self,
-        at: &[f64],
+        parameters: &[f64],
         log: usize,
-        kept: &mut Option<Slopes>,
-    ) -> Result<(Prediction, Slopes), IdentifyError> {
+        cached: &mut Option<Sensitivities>,
+    ) -> Result<(Prediction, Sensitivities), IdentifyError> {
         let experiment = &self.experiments[log];
-        let (keys, from) = (self.free.len(), self.starts(log));
+        let (keys, from) = (self.free.len(), self.first_initial_value(log));
         let mut along: Vec<Direction> = self.free.iter().map(|key| Direction::Key(*key)).collect();
         let measured: Vec<usize> =
             (0..INITIAL_VALUES).filter(|k| experiment.initial_values[*k].is_some()).collect();
-        if kept.is_none() {
+        if cached.is_none() {
             along.extend(measured.iter().map(|k| Direction::InitialValue(*k)));
         }
-        let (prediction, mut slopes) =
-            sensitivities_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
-        let starts = slopes.split_off(keys);
-        let starts = kept.get_or_insert_with(|| measured.into_iter().zip(starts).collect());
-        let mut placed: Slopes = slopes.into_iter().enumerate().collect();
-        placed.extend(starts.iter().map(|(k, slope)| {
-            let scaled = |row: &[f64; COMPARED.len()]| row.map(|v| v * START_SCALE[*k]);
+        let (prediction, mut sensitivities) = sensitivities_from(
+            &self.description(parameters),
+            experiment,
+            &self.initial_offsets(parameters, log),
+            &along,
+        )?;
+        let initial = sensitivities.split_off(keys);
+        let initial = cached.get_or_insert_with(|| measured.into_iter().zip(initial).collect());
+        let mut indexed: Sensitivities = sensitivities.into_iter().enumerate().collect();
+        indexed.extend(initial.iter().map(|(k, slope)| {
+            let scaled = |row: &[f64; COMPARED.len()]| row.map(|v| v * INITIAL_VALUE_SCALE[*k]);
             (from + k, slope.iter().map(scaled).collect())
         }));
-        // what a reading is off by, its start is off by too
+        // a channel's offset shifts the initial value taken from it
         let channels = experiment.initial_channels();
         let nuisances: Vec<(usize, Nuisance)> = self.nuisances(log).collect();
         let offsets = nuisances.iter().filter(|(_, n)| n.effect == Effect::Offset);
-        placed.extend(offsets.map(|(place, nuisance)| {
+        indexed.extend(offsets.map(|(index, nuisance)| {
             let scale = nuisance.allowed().deviation * nuisance.allowed().size;
             let own = COMPARED.iter().position(|s| *s == nuisance.signal);
-            let start = starts.iter().find(|(k, _)| channels[*k].is_some() && channels[*k] == own);
+            let start = initial.iter().find(|(k, _)| channels[*k].is_some() && channels[*k] == own);
             let slope = match start {
                 Some((_, slope)) => slope.iter().map(|row| row.map(|v| -v * scale)).collect(),
                 None => vec![[0.0; COMPARED.len()]; prediction.len()],
             };
-            (*place, slope)
+            (*index, slope)
         }));
-        let ([delays, _], interval) = (self.channels(at, log), experiment.interval());
-        for (_, slope) in &mut placed {
+        let ([delays, _], interval) =
+            (self.delays_and_offsets(parameters, log), experiment.interval());
+        for (_, slope) in &mut indexed {
             all_delayed(slope, &delays, interval);
         }
-        for (place, nuisance) in nuisances {
+        for (index, nuisance) in nuisances {
             let scale = nuisance.allowed().deviation * nuisance.allowed().size;
             let Some(own) = COMPARED.iter().position(|s| *s == nuisance.signal) else { continue };
             match nuisance.effect {
-                // the reading itself is off at once
+                // the offset's direct effect, without delay
                 Effect::Offset => {
-                    let found = placed.iter_mut().find(|(other, _)| *other == place);
+                    let found = indexed.iter_mut().find(|(other, _)| *other == index);
                     for row in found.into_iter().flat_map(|(_, slope)| slope) {
                         row[own] += scale;
                     }
@@ -175,43 +197,52 @@ impl Layout<'_> {
                         row[own] = slope * scale;
                         row
                     };
-                    placed.push((place, along.map(row).collect()));
+                    indexed.push((index, along.map(row).collect()));
                 }
             }
         }
-        Ok((self.shown(at, log, prediction), placed))
+        Ok((self.through_channels(parameters, log, prediction), indexed))
     }
 
-    /// Slopes of a log's channels along keys that are not moved.
-    pub(super) fn slopes_along(
+    /// Sensitivities of a log's channels to fixed keys, indexed by their place among `keys`.
+    pub(super) fn key_sensitivities(
         &self,
-        at: &[f64],
+        parameters: &[f64],
         log: usize,
         keys: &[Free],
-    ) -> Result<Slopes, IdentifyError> {
+    ) -> Result<Sensitivities, IdentifyError> {
         let experiment = &self.experiments[log];
         let along: Vec<Direction> = keys.iter().map(|key| Direction::Key(*key)).collect();
-        let (_, mut slopes) =
-            sensitivities_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
-        let ([delays, _], interval) = (self.channels(at, log), experiment.interval());
-        for slope in &mut slopes {
+        let (_, mut sensitivities) = sensitivities_from(
+            &self.description(parameters),
+            experiment,
+            &self.initial_offsets(parameters, log),
+            &along,
+        )?;
+        let ([delays, _], interval) =
+            (self.delays_and_offsets(parameters, log), experiment.interval());
+        for slope in &mut sensitivities {
             all_delayed(slope, &delays, interval);
         }
-        Ok(slopes.into_iter().enumerate().collect())
+        Ok(sensitivities.into_iter().enumerate().collect())
     }
 
-    /// Predictions and slopes of several logs at once. What is kept of their starts grows by those that were not known yet.
-    pub(super) fn all_slopes(
+    /// Predictions and sensitivities of several logs in parallel. Sensitivities to initial values are added
+    /// to `cached`.
+    pub(super) fn all_sensitivities(
         &self,
-        at: &[f64],
+        parameters: &[f64],
         logs: &[usize],
-        kept: &mut [Option<Slopes>],
-    ) -> Result<Vec<(Prediction, Slopes)>, IdentifyError> {
-        let mut known: Vec<(usize, Option<Slopes>)> =
-            logs.iter().map(|log| (*log, kept[*log].take())).collect();
-        let found = known.par_iter_mut().map(|(log, kept)| self.slopes(at, *log, kept)).collect();
-        for (log, starts) in known {
-            kept[log] = starts;
+        cached: &mut [Option<Sensitivities>],
+    ) -> Result<Vec<(Prediction, Sensitivities)>, IdentifyError> {
+        let mut caches: Vec<(usize, Option<Sensitivities>)> =
+            logs.iter().map(|log| (*log, cached[*log].take())).collect();
+        let found = caches
+            .par_iter_mut()
+            .map(|(log, cached)| self.sensitivities(parameters, *log, cached))
+            .collect();
+        for (log, initial) in caches {
+            cached[log] = initial;
         }
         found
     }

@@ -1,26 +1,37 @@
-//! The model made right: keys moved until it shows what was measured.
+//! Output-error estimation of the model's keys from logs: maximum a posteriori by nonlinear least squares.
 //!
-//! What is minimised is `Σ ((log − model)/σ)² + Σ ((ln θ − ln θ_0)/s)²`: differences of all signals of all logs, each
-//! against what its sensor and the model's own shortcomings leave (σ), and each key against what is known of it (s, from its
-//! provenance). Where each log starts from is free too, within what sensors err by: a pump side that starts a tenth of
-//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew
-//! once from what the first round leaves.
+//! ```text
+//! cost(ln θ) = Σ ρ((log − model)/σ) + Σ ((ln θ − ln θ_0)/s)²
+//! ```
+//!
+//! The first sum is over all samples of all signals of all logs, with Huber's loss ρ and the standard
+//! deviation σ of sensor noise and model error. The second is the prior of each key, with its initial value
+//! θ_0 and the prior standard deviation s of its provenance.
+//!
+//! The initial values of each log are free within the sensors' errors. If they were fixed, an error of a
+//! tenth of a bar of a pump side would bias the keys. Delay and offset of each channel are free as well
+//! ([`Nuisance`]).
+//!
+//! The cost is minimised by the Levenberg-Marquardt method with exact sensitivities; σ is estimated again
+//! once, from the residuals of the first minimum (output error and maximum a posteriori: Ljung, *System
+//! Identification*, 2nd ed. 1999, chapter 7; Söderström and Stoica, *System Identification*, 1989, chapter
+//! 7).
 
-mod certainty;
+mod covariance;
 mod determination;
+mod features;
 mod layout;
+mod least_squares;
+mod monitor;
 mod nuisance;
-mod pitch;
 mod profile;
 mod residual;
 mod samples;
-mod search;
-mod watch;
 
 pub use determination::Determination;
+pub use monitor::Progress;
 pub use nuisance::{Allowed, Effect, Nuisance};
 pub use profile::{LIMIT, Profile, profile};
-pub use watch::Progress;
 
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
@@ -28,49 +39,50 @@ use crate::free::Free;
 use crate::oscillation_features::OscillationFeatures;
 use crate::prediction::{Prediction, predict_from};
 use crate::structural_limit::limit_of;
-use certainty::{Certainty, Considered};
-use determination::Common;
+use covariance::{FixedKeys, Uncertainty};
+use determination::FitConditions;
+use features::FeatureResiduals;
 use hydroboom_description::Description;
-use layout::{Layout, PER_LOG};
+use layout::{Layout, PARAMETERS_PER_LOG};
+use least_squares::{LeastSquares, Prior, Termination};
+use monitor::Monitor;
 use nalgebra::DVector;
-use pitch::Pitch;
-use residual::{Deviations, Leaves, deviations, has_lack_of_fit, residuals};
-use samples::Samples;
-use search::{Ends, Known, Search};
-use watch::Watch;
+use residual::{Deviations, Weighting, deviations, has_lack_of_fit, residuals};
+use samples::SampleResiduals;
 
-/// One key after tuning.
+/// Estimate of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
     /// The key.
     pub key: Free,
-    /// Its value before and after, in SI units.
+    /// Initial value and estimate, in SI units.
     pub value: (f64, f64),
-    /// What was known of it beforehand: deviation of ln θ.
+    /// Prior standard deviation of ln θ.
     pub prior: f64,
-    /// Deviation of ln θ now, what was known included.
+    /// Posterior standard deviation of ln θ, from logs and prior.
     pub deviation: f64,
-    /// Deviation of ln θ from the logs alone, with the other keys as well known as they were, free or not; infinite where the logs
-    /// say nothing.
+    /// Standard deviation of ln θ from the logs without its prior, but with the priors of all other keys.
+    /// Infinite if the logs do not determine it.
     pub from_logs: f64,
-    /// The same if all keys that are not free were exact.
+    /// The same with the fixed keys assumed to be exact.
     pub others_exact: f64,
-    /// Whether the logs determine it, and why not.
+    /// Whether the logs determine it, and the reason if not.
     pub determination: Determination,
-    /// What it is traded against most, a key or a channel's delay or offset, and the correlation with it.
+    /// Key, or delay or offset of a channel, of largest correlation with it, and that correlation.
     pub partner: Option<(String, f64)>,
 }
 
-/// What a motor speed on straight lines between a log's samples may be wrong by, as a deviation of ln θ: no log tells more.
-const RESOLVED: f64 = 3e-5;
+/// Standard deviation of ln θ due to the linear interpolation of the motor speed between samples \[-\]: no
+/// estimate is more accurate.
+const INPUT_INTERPOLATION: f64 = 3e-5;
 
 impl Tuned {
-    /// Whether the logs determine it.
+    /// Whether the logs determine the key.
     pub fn is_determined(&self) -> bool {
         self.determination == Determination::Determined
     }
 
-    /// What the model leaves out that is found in it instead, where the logs show that the model is not the true one: then it is biased.
+    /// Omitted effect that biases the key; none if the logs show no lack of fit or no such effect is known.
     pub fn biased(&self) -> Option<&'static str> {
         match self.determination {
             Determination::Biased(reason) => Some(reason),
@@ -78,56 +90,56 @@ impl Tuned {
         }
     }
 
-    /// The interval, in SI units, that holds the true value in nineteen cases of twenty, if the model is the true one.
+    /// 95 % interval in SI units, for a model without omitted effects.
     pub fn interval(&self) -> (f64, f64) {
-        let factor = (1.96 * self.deviation.hypot(RESOLVED)).exp();
+        let factor = (1.96 * self.deviation.hypot(INPUT_INTERPOLATION)).exp();
         (self.value.1 / factor, self.value.1 * factor)
     }
 }
 
-/// Delay or offset of a log's channel after tuning.
+/// Estimate of a delay or offset of a log's channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// The log.
+    /// Name of the log.
     pub log: String,
-    /// What it is.
+    /// The nuisance parameter.
     pub nuisance: Nuisance,
-    /// Its value, in its unit.
+    /// Estimate, in its unit.
     pub value: f64,
-    /// Its deviation, in its unit, what was known included.
+    /// Posterior standard deviation, in its unit.
     pub deviation: f64,
-    /// The key that it is traded against most, and the correlation with it.
+    /// Key of largest correlation with it, and that correlation.
     pub partner: Option<(String, f64)>,
 }
 
 impl Channel {
-    /// The interval, in its unit, that holds the true value in nineteen cases of twenty.
+    /// 95 % interval in its unit.
     pub fn interval(&self) -> (f64, f64) {
         (self.value - 1.96 * self.deviation, self.value + 1.96 * self.deviation)
     }
 
-    /// Whether it ended at a limit of what is allowed of it: more would be found there if it might go on, and the keys take that.
+    /// Whether the estimate is at a bound of its range; its excess then biases the keys.
     pub fn is_at_limit(&self) -> bool {
         determination::is_at_limit(self.value, self.nuisance.allowed().range)
     }
 
-    /// Whether zero is outside its interval.
+    /// Whether zero is outside its 95 % interval.
     pub fn is_off(&self) -> bool {
         self.value.abs() > 1.96 * self.deviation
     }
 }
 
-/// RMS differences of a log's signals before and after, in SI units; none where a signal was not measured.
+/// RMS residuals of a log's signals before and after the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Improvement {
-    /// The log.
+    /// Name of the log.
     pub log: String,
-    /// Before and after, in the order of [`COMPARED`].
+    /// Before and after \[SI\], in the order of [`COMPARED`]; none if a signal was not measured.
     pub rms: [Option<(f64, f64)>; COMPARED.len()],
 }
 
 impl Improvement {
-    /// Differences of a log to two predictions.
+    /// RMS residuals of a log for two predictions.
     pub fn new(experiment: &Experiment, before: &Prediction, after: &Prediction) -> Self {
         let rms = |prediction: &Prediction, signal: usize| {
             let errors = residuals(experiment, prediction, signal);
@@ -140,47 +152,50 @@ impl Improvement {
     }
 }
 
-/// What tuning came to.
+/// Result of a fit.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// The description with its keys moved.
+    /// The description with the estimates of the free keys.
     pub description: Description,
-    /// The keys.
+    /// Free keys, in the order of the task.
     pub tuned: Vec<Tuned>,
-    /// Delay and offset of each channel of each log, but for those that were fixed.
+    /// Free delays and offsets of the channels of each log.
     pub channels: Vec<Channel>,
-    /// Correlations of the keys, what was known included.
+    /// Posterior correlations of the free keys.
     pub correlation: Vec<Vec<f64>>,
-    /// Correlations of each key with each of the [`channels`](Self::channels).
+    /// Posterior correlations of each free key with each of the [`channels`](Self::channels).
     pub channel_correlation: Vec<Vec<f64>>,
-    /// The logs.
+    /// RMS residuals of each log.
     pub improvements: Vec<Improvement>,
-    /// What the model shows under each log's inputs, before and after.
+    /// Prediction of each log before and after the fit.
     pub predictions: (Vec<Prediction>, Vec<Prediction>),
-    /// How often the model was run.
+    /// Number of cost evaluations.
     pub evaluations: usize,
-    /// Whether the search ended because nothing more was to be gained.
+    /// Whether the last stage has converged.
     pub has_converged: bool,
-    /// Where the search ended, and what it was held against there.
-    end: End,
+    /// Minimum of the cost, from which profiles start.
+    minimum: Minimum,
 }
 
 impl Fit {
-    /// Delays and offsets of the machine's sensors, which belong to another log of it too, in their units: the mean of the logs that were tuned to, each weighed by
-    /// its inverse variance (Cochran, Biometrics 10, 1954, 101-129).
+    /// Delays and offsets of the machine's sensors in their units, which apply to its other logs too. Each is
+    /// the mean over the fitted logs, weighted by inverse variances (Cochran, The combination of estimates
+    /// from different experiments, Biometrics 10, 1954, 101-129).
     ///
-    /// They are what the keys were found with, and drawn to zero as far as the logs do not tell them. To leave out those that are not significantly other than zero
-    /// would keep keys that were traded against them, and jump with their intervals (a pre-test estimator: Judge and Bock, The Statistical Implications of Pre-Test
-    /// and Stein-Rule Estimators in Econometrics, 1978).
+    /// The keys were estimated together with them, and their prior shrinks them to zero. Insignificant ones
+    /// are kept: without them, keys correlated with them would no longer fit. Such a selection is a pre-test
+    /// estimator, which is discontinuous in the data (Judge and Bock, *The Statistical Implications of
+    /// Pre-Test and Stein-Rule Estimators in Econometrics*, 1978).
     pub fn sensors(&self) -> Vec<(Nuisance, f64)> {
-        nuisance::means(&self.channels)
+        nuisance::weighted_means(&self.channels)
     }
 
-    /// What the tuned model shows on a log that was not used, through the same machine's [`sensors`](Self::sensors).
+    /// Prediction of the fitted model for another log of the same machine, with its
+    /// [`sensors`](Self::sensors).
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] when the model cannot be run.
+    /// [`IdentifyError`] if the simulation fails.
     pub fn on_another_log(&self, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
         let [mut delays, mut offsets] = [[0.0; COMPARED.len()]; 2];
         for (nuisance, value) in self.sensors() {
@@ -188,44 +203,48 @@ impl Fit {
                 Effect::Delay => &mut delays,
                 Effect::Offset => &mut offsets,
             };
-            if let Some(place) = COMPARED.iter().position(|signal| *signal == nuisance.signal) {
-                to[place] = value * nuisance.allowed().size;
+            if let Some(index) = COMPARED.iter().position(|signal| *signal == nuisance.signal) {
+                to[index] = value * nuisance.allowed().size;
             }
         }
         let channel = experiment.initial_channels();
-        let starts = std::array::from_fn(|k| channel[k].map_or(0.0, |place| -offsets[place]));
-        let mut shown = predict_from(&self.description, experiment, &starts)?;
-        nuisance::all_delayed(&mut shown, &delays, experiment.interval());
-        for row in &mut shown {
+        let initial_offsets =
+            std::array::from_fn(|k| channel[k].map_or(0.0, |index| -offsets[index]));
+        let mut prediction = predict_from(&self.description, experiment, &initial_offsets)?;
+        nuisance::all_delayed(&mut prediction, &delays, experiment.interval());
+        for row in &mut prediction {
             row.iter_mut().zip(offsets).for_each(|(value, offset)| *value += offset);
         }
-        Ok(shown)
+        Ok(prediction)
     }
 }
 
-/// Where a search ended.
+/// Minimum of the cost.
 #[derive(Clone, Debug)]
-struct End {
-    at: Vec<f64>,
+struct Minimum {
+    /// Parameter vector.
+    parameters: Vec<f64>,
+    /// Standard deviations of the residuals there.
     deviations: Vec<Deviations>,
-    certainty: Certainty,
+    /// Uncertainty of the parameters.
+    uncertainty: Uncertainty,
 }
 
-/// What is asked of a search.
+/// Estimation problem.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
-    /// The model to begin with.
+    /// Initial model, whose values are the prior means.
     pub model: &'a Description,
-    /// The logs.
+    /// Logs.
     pub experiments: &'a [Experiment],
-    /// The keys to move.
+    /// Free keys.
     pub free: &'a [Free],
-    /// Delays and offsets of channels that stay zero; all others are free.
+    /// Delays and offsets of channels that are fixed at zero; all others are free.
     pub fixed: &'a [Nuisance],
-    /// Where an earlier search was, as its [`Progress`] told; none to begin at the model.
+    /// Parameter vector of an earlier fit, from its [`Progress`]; none to start from the model.
     pub resume: Option<&'a [f64]>,
-    /// Generations of a global search (CMA-ES) before the local one: as wide as what is known of the keys leaves
-    /// open. It is for a model that is far off; usually none are needed.
+    /// Generations of a global search (CMA-ES) over the prior's range before the local one. Zero is usually
+    /// enough, unless the initial model is far from the logs.
     pub generations: usize,
 }
 
@@ -239,201 +258,219 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// What is known of the keys, and of each log's starts and channels.
-    fn known(&self) -> Known {
+    /// Prior of the keys, and of each log's initial values and channels.
+    fn prior(&self) -> Prior {
         let mut mean: Vec<f64> = self.free.iter().map(|key| key.value(self.model).ln()).collect();
         let mut deviation: Vec<f64> =
             self.free.iter().map(|key| key.prior_deviation(self.model)).collect();
-        let of_logs = PER_LOG * self.experiments.len();
+        let of_logs = PARAMETERS_PER_LOG * self.experiments.len();
         mean.extend(std::iter::repeat_n(0.0, of_logs));
         deviation.extend(std::iter::repeat_n(1.0, of_logs));
-        Known { mean, deviation }
+        Prior { mean, deviation }
     }
 
-    /// The logs in longer steps: good enough to find where a search ends.
+    /// The logs with long integration steps, accurate enough to find the minimum.
     fn coarse(&self) -> Vec<Experiment> {
         self.experiments.iter().map(Experiment::coarse).collect()
     }
 }
 
-/// Moves keys of a model until it shows what the logs do. `go_on` is told how far the search has come, and says whether
-/// to go on.
+/// Estimates the free keys of a model from logs. `go_on` is called after each cost evaluation, and stops the
+/// fit if it returns false.
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] when the model cannot be run where it begins, or the search was stopped.
+/// [`IdentifyError`] if the initial model cannot be simulated, `resume` has another length, or the fit was
+/// stopped.
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
-    let known = task.known();
+    let prior = task.prior();
     let layout = task.layout();
-    let longer = task.coarse();
-    let before = layout.predictions(&known.mean)?;
-    let watch = Watch::new(go_on);
-    let mut at = DVector::from_column_slice(task.resume.unwrap_or(&known.mean));
-    if at.len() != known.mean.len() {
-        return Err(IdentifyError::Resume { moved: known.mean.len(), saved: at.len() });
+    let coarse = task.coarse();
+    let before = layout.predictions(&prior.mean)?;
+    let monitor = Monitor::new(go_on);
+    let mut parameters = DVector::from_column_slice(task.resume.unwrap_or(&prior.mean));
+    if parameters.len() != prior.mean.len() {
+        return Err(IdentifyError::Resume { moved: prior.mean.len(), saved: parameters.len() });
     }
-    // first the pitch, where log and model ring differently: compared sample by sample they would be out of phase
-    let there = layout.predictions(at.as_slice())?;
-    let forks: Vec<Option<OscillationFeatures>> = task
+    // first stage: where log and model oscillate at different frequencies, samples would be compared out of
+    // phase
+    let predictions = layout.predictions(parameters.as_slice())?;
+    let features: Vec<Option<OscillationFeatures>> = task
         .experiments
         .iter()
-        .zip(&there)
+        .zip(&predictions)
         .map(|(e, p)| OscillationFeatures::new(e, p, task.generations > 0))
         .collect();
     let all = Nuisance::named("all")?;
-    if forks.iter().any(Option::is_some) {
-        let sum = Pitch { forks: &forks };
-        // no channel's delay or offset changes a pitch
+    if features.iter().any(Option::is_some) {
+        let function = FeatureResiduals { features: &features };
+        // delays and offsets of channels change neither frequency nor damping
         let keys = Layout { fixed: &all, ..layout };
-        let search = Search::new(keys, sum, &known, at, &watch);
-        let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
-        at = search.searched(task.generations).minimised(ends).0.at;
+        let problem = LeastSquares::new(keys, function, &prior, parameters, &monitor);
+        let termination = Termination { cost: 1e-4, step: 1e-4, evaluations: 3 };
+        parameters = problem.global_search(task.generations).minimised(termination).0.parameters;
     }
-    let there = layout.predictions(at.as_slice())?;
-    let mut held_against = deviations(task.experiments, &there, Leaves::Unknown);
-    // the first round in longer steps. Delays and offsets of channels make valleys of their own where the model is far off: a search without
-    // them may come farther, though it has less to move
-    let first = Layout { experiments: &longer, ..layout };
-    let mut rounds = vec![first];
-    if (0..longer.len()).any(|log| layout.nuisances(log).next().is_some()) {
-        rounds.push(Layout { fixed: &all, ..first });
+    let predictions = layout.predictions(parameters.as_slice())?;
+    let mut sigma = deviations(task.experiments, &predictions, Weighting::Independent);
+    // second stage, with long integration steps. Far from the minimum, delays and offsets of channels cause
+    // local minima: without them the cost may become smaller despite fewer parameters
+    let first = Layout { experiments: &coarse, ..layout };
+    let mut stages = vec![first];
+    if (0..coarse.len()).any(|log| layout.nuisances(log).next().is_some()) {
+        stages.push(Layout { fixed: &all, ..first });
     }
     let mut least = f64::INFINITY;
-    let begun = at;
-    at = begun.clone();
-    for round in rounds {
-        let sum = Samples::new(round.experiments, &held_against);
-        let (found, _) = searched(Search::new(round, sum, &known, begun.clone(), &watch))?;
-        let terms = found.terms(&found.at).unwrap_or_else(|| vec![f64::INFINITY]);
-        let sum: f64 = terms.iter().map(|term| term * term).sum();
-        if sum < least {
-            (at, least) = (found.at, sum);
+    let initial = parameters;
+    parameters = initial.clone();
+    for stage in stages {
+        let function = SampleResiduals::new(stage.experiments, &sigma);
+        let (found, _) =
+            solve(LeastSquares::new(stage, function, &prior, initial.clone(), &monitor))?;
+        let residuals =
+            found.residual_vector(&found.parameters).unwrap_or_else(|| vec![f64::INFINITY]);
+        let cost: f64 = residuals.iter().map(|residual| residual * residual).sum();
+        if cost < least {
+            (parameters, least) = (found.parameters, cost);
         }
     }
-    // the second with what the first left as deviations
-    let there = layout.predictions(at.as_slice())?;
-    let left = deviations(task.experiments, &there, Leaves::AsNow);
-    let sum = Samples::new(layout.experiments, &left);
-    let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
-    at = found.at;
-    let mut kept = found.sum.kept.into_inner();
-    let after = layout.predictions(at.as_slice())?;
-    held_against = deviations(task.experiments, &after, Leaves::AsNow);
-    let held = Considered::of(task);
+    // third stage: residuals weighted by their power and correlation after the second
+    let predictions = layout.predictions(parameters.as_slice())?;
+    let correlated = deviations(task.experiments, &predictions, Weighting::Correlated);
+    let function = SampleResiduals::new(layout.experiments, &correlated);
+    let (found, has_converged) =
+        solve(LeastSquares::new(layout, function, &prior, parameters, &monitor))?;
+    parameters = found.parameters;
+    let mut cached = found.function.cached.into_inner();
+    let after = layout.predictions(parameters.as_slice())?;
+    sigma = deviations(task.experiments, &after, Weighting::Correlated);
+    let fixed_keys = FixedKeys::of(task);
     let information =
-        layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
-    let certainty =
-        Certainty::new(information, known.deviation.iter().chain(&held.deviation).copied());
+        layout.information(parameters.as_slice(), &sigma, &mut cached, &prior, &fixed_keys.keys)?;
+    let uncertainty =
+        Uncertainty::new(information, prior.deviation.iter().chain(&fixed_keys.deviation).copied());
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));
     let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
-    let evaluations = watch.borrow().runs();
-    let channels = channels(&layout, at.as_slice(), &certainty);
+    let evaluations = monitor.borrow().runs();
+    let channels = channel_results(&layout, parameters.as_slice(), &uncertainty);
     let mut pairs = task.experiments.iter().zip(&after);
-    let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
+    let lack_of_fit = pairs.any(|(experiment, prediction)| has_lack_of_fit(experiment, prediction));
     Ok(Fit {
-        description: layout.moved(at.as_slice()),
-        tuned: tuned(
+        description: layout.description(parameters.as_slice()),
+        tuned: key_results(
             &layout,
-            &known,
-            at.as_slice(),
-            &certainty,
-            &held,
-            &Common::new(task.experiments, &after, &channels, has_converged),
-            shows_more,
+            &prior,
+            parameters.as_slice(),
+            &uncertainty,
+            &fixed_keys,
+            &FitConditions::new(task.experiments, &after, &channels, has_converged),
+            lack_of_fit,
         ),
         channels,
-        correlation: certainty.correlation(task.free.len()),
-        channel_correlation: with_channels(&layout, &certainty),
+        correlation: uncertainty.correlation(task.free.len()),
+        channel_correlation: channel_correlations(&layout, &uncertainty),
         improvements: improvements.collect(),
         predictions: (before, after),
         evaluations,
         has_converged,
-        end: End { at: at.as_slice().to_vec(), deviations: held_against, certainty },
+        minimum: Minimum {
+            parameters: parameters.as_slice().to_vec(),
+            deviations: sigma,
+            uncertainty,
+        },
     })
 }
 
-/// A search at its end, and whether nothing more was to be gained. It may not end early: a ringing log has flat valleys.
-fn searched<'a, 'w>(
-    search: Search<'a, 'w, Samples<'a>>,
-) -> Result<(Search<'a, 'w, Samples<'a>>, bool), IdentifyError> {
-    let watch = search.watch;
-    watch.borrow_mut().begin();
-    let found = search.minimised(Ends { sum: 1e-6, place: 1e-5, patience: 6 });
-    if watch.borrow().is_stopped() {
+/// The problem at its minimum, and whether the iteration has converged. The tolerances are tight, because the
+/// cost function of an oscillating log has narrow, flat valleys.
+fn solve<'a, 'w>(
+    problem: LeastSquares<'a, 'w, SampleResiduals<'a>>,
+) -> Result<(LeastSquares<'a, 'w, SampleResiduals<'a>>, bool), IdentifyError> {
+    let monitor = problem.monitor;
+    monitor.borrow_mut().restart();
+    let found = problem.minimised(Termination { cost: 1e-6, step: 1e-5, evaluations: 6 });
+    if monitor.borrow().is_stopped() {
         return Err(IdentifyError::Stopped);
     }
     Ok(found)
 }
 
-/// What is to be said of each key.
-fn tuned(
+/// Results of each key.
+fn key_results(
     layout: &Layout<'_>,
-    known: &Known,
-    at: &[f64],
-    certainty: &Certainty,
-    considered: &Considered,
-    common: &Common,
-    shows_more: bool,
+    prior: &Prior,
+    parameters: &[f64],
+    uncertainty: &Uncertainty,
+    fixed_keys: &FixedKeys,
+    conditions: &FitConditions,
+    lack_of_fit: bool,
 ) -> Vec<Tuned> {
     let nuisances = (0..layout.experiments.len()).flat_map(|log| layout.nuisances(log));
     let keys = layout.free.iter().map(|key| key.path()).enumerate();
-    let held = considered.keys.iter().enumerate();
+    let fixed_keys = fixed_keys.keys.iter().enumerate();
     let all: Vec<(usize, String)> = keys
-        .chain(nuisances.map(|(place, nuisance)| (place, nuisance.path())))
-        .chain(held.map(|(k, key)| (layout.size() + k, format!("{}, not free", key.path()))))
+        .chain(nuisances.map(|(index, nuisance)| (index, nuisance.path())))
+        .chain(fixed_keys.map(|(k, key)| (layout.size() + k, format!("{}, not free", key.path()))))
         .collect();
     let of = |(k, key): (usize, &Free)| {
-        let (prior, deviation) = (known.deviation[k], certainty.deviation(k));
-        let alone = certainty.alone(k);
+        let (own, deviation) = (prior.deviation[k], uncertainty.deviation(k));
+        let from_logs = uncertainty.from_logs(k);
         let found = Tuned {
             key: *key,
-            value: (known.mean[k].exp(), at[k].exp()),
-            prior,
+            value: (prior.mean[k].exp(), parameters[k].exp()),
+            prior: own,
             deviation,
-            from_logs: alone.deviation,
-            others_exact: alone.exact,
+            from_logs: from_logs.deviation,
+            others_exact: from_logs.others_exact,
             determination: Determination::Determined,
-            partner: partner(k, &all, certainty),
+            partner: most_correlated(k, &all, uncertainty),
         };
         let limit = limit_of(*key, &layout.model.numbers);
-        let determination = common.of(&found, limit.filter(|_| shows_more));
+        let determination = conditions.of(&found, limit.filter(|_| lack_of_fit));
         Tuned { determination, ..found }
     };
     layout.free.iter().enumerate().map(of).collect()
 }
 
-/// What is to be said of each channel.
-fn channels(layout: &Layout<'_>, at: &[f64], certainty: &Certainty) -> Vec<Channel> {
+/// Results of each channel.
+fn channel_results(
+    layout: &Layout<'_>,
+    parameters: &[f64],
+    uncertainty: &Uncertainty,
+) -> Vec<Channel> {
     let keys: Vec<(usize, String)> = layout.free.iter().map(|key| key.path()).enumerate().collect();
     let of = |log: usize| {
         let keys = &keys;
-        layout.nuisances(log).map(move |(place, nuisance)| {
+        layout.nuisances(log).map(move |(index, nuisance)| {
             let deviation = nuisance.allowed().deviation;
             Channel {
                 log: layout.experiments[log].name.clone(),
                 nuisance,
-                value: at[place] * deviation,
-                deviation: certainty.deviation(place) * deviation,
-                partner: partner(place, keys, certainty),
+                value: parameters[index] * deviation,
+                deviation: uncertainty.deviation(index) * deviation,
+                partner: most_correlated(index, keys, uncertainty),
             }
         })
     };
     (0..layout.experiments.len()).flat_map(of).collect()
 }
 
-/// Correlations of each key with each log's delays and offsets, in the order of [`channels`].
-fn with_channels(layout: &Layout<'_>, certainty: &Certainty) -> Vec<Vec<f64>> {
+/// Correlations of each key with each log's delays and offsets, in the order of [`channel_results`].
+fn channel_correlations(layout: &Layout<'_>, uncertainty: &Uncertainty) -> Vec<Vec<f64>> {
     let logs = 0..layout.experiments.len();
     let places: Vec<usize> =
-        logs.flat_map(|log| layout.nuisances(log)).map(|(place, _)| place).collect();
-    let of_key = |key| places.iter().map(|place| certainty.correlation_of(key, *place)).collect();
+        logs.flat_map(|log| layout.nuisances(log)).map(|(index, _)| index).collect();
+    let of_key = |key| places.iter().map(|index| uncertainty.correlation_of(key, *index)).collect();
     (0..layout.free.len()).map(of_key).collect()
 }
 
-/// Which of several one is traded against most.
-fn partner(place: usize, all: &[(usize, String)], certainty: &Certainty) -> Option<(String, f64)> {
-    let others = all.iter().filter(|(other, _)| *other != place);
+/// Parameter of largest correlation with that of an index, and the correlation.
+fn most_correlated(
+    index: usize,
+    all: &[(usize, String)],
+    uncertainty: &Uncertainty,
+) -> Option<(String, f64)> {
+    let others = all.iter().filter(|(other, _)| *other != index);
     let others =
-        others.map(|(other, name)| (name.clone(), certainty.correlation_of(place, *other)));
+        others.map(|(other, name)| (name.clone(), uncertainty.correlation_of(index, *other)));
     others.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }

@@ -1,8 +1,9 @@
 //! Delay and offset of each compared channel: nuisance parameters of the fit.
 //!
-//! A position that comes 4 ms late, or a transmitter that reads absolute pressure, is no property of the crane. Left out of the
-//! problem it moves the crane's keys; as a parameter of the same problem it takes its share, and its correlation with the keys
-//! widens their intervals (Ljung, *System Identification*, 2nd ed. 1999, section 14.1; Seber and Wild, *Nonlinear Regression*, 1989, section 5.9).
+//! A position delayed by 4 ms, or a transmitter of absolute pressure, is no property of the crane. If it is
+//! omitted from the fit, the crane's keys are biased. As a parameter of the same fit it is estimated together
+//! with them, and its correlation with the keys widens their intervals (Ljung, *System Identification*, 2nd
+//! ed. 1999, section 14.1; Seber and Wild, *Nonlinear Regression*, 1989, section 5.9).
 
 use super::Channel;
 use crate::error::IdentifyError;
@@ -11,42 +12,44 @@ use crate::prediction::Prediction;
 use hydroboom_measurement::{Dimension, Signal};
 use serde::Serialize;
 
-/// What a channel may be off by.
+/// Kind of a nuisance parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Effect {
-    /// How much later the channel is than the inputs say: sensor, filter, fieldbus, and the driving signal's own lag.
+    /// Delay of the channel relative to the inputs: sensor, filter, fieldbus, minus the driving signal's own
+    /// delay.
     Delay,
-    /// What the channel reads too much.
+    /// Offset of the reading, measured minus true value.
     Offset,
 }
 
 /// A nuisance parameter: delay or offset of a compared channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Nuisance {
-    /// What it is.
+    /// Its kind.
     pub effect: Effect,
-    /// The channel.
+    /// Signal of the channel.
     pub signal: Signal,
 }
 
-/// What is allowed and known of a nuisance parameter, in its unit.
+/// Range and prior of a nuisance parameter, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allowed {
-    /// Name of its key, after the channel's: `stroke.delay_ms`.
+    /// Last part of its key, after the channel's name: `stroke.delay_ms`.
     pub name: &'static str,
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
     /// The unit in SI units.
     pub size: f64,
-    /// What it may be; zero where it is fixed.
+    /// Smallest and largest allowed value; a fixed one is zero.
     pub range: [f64; 2],
-    /// Known beforehand: this deviation from zero.
+    /// Prior standard deviation, about a prior mean of zero.
     pub deviation: f64,
-    /// Why so much.
+    /// Source of range and prior.
     pub source: &'static str,
 }
 
+/// Range and prior of a delay.
 const DELAY: Allowed = Allowed {
     name: "delay_ms",
     unit: "ms",
@@ -55,6 +58,7 @@ const DELAY: Allowed = Allowed {
     deviation: 20.0,
     source: "cycles of fieldbus and PLC (1 to 20 ms), filters of transmitters (1 to 50 ms); early where the driving signal is late itself",
 };
+/// Range and prior of a position's offset.
 const LENGTH: Allowed = Allowed {
     name: "offset_mm",
     unit: "mm",
@@ -63,6 +67,7 @@ const LENGTH: Allowed = Allowed {
     deviation: 2.0,
     source: "where a position sensor is mounted",
 };
+/// Range and prior of a pressure's offset.
 const PRESSURE: Allowed = Allowed {
     name: "offset_bar",
     unit: "bar",
@@ -73,16 +78,17 @@ const PRESSURE: Allowed = Allowed {
 };
 
 impl Nuisance {
-    /// All there are, delays first, in the order of [`COMPARED`]. The motor's speed has none: its delay is the drive's dead time.
+    /// Number of nuisance parameters of a log: delays, then offsets, each in the order of [`COMPARED`]. The
+    /// motor speed has none, because its delay is the drive's dead time.
     pub const COUNT: usize = 2 * CRANE;
 
-    /// The one at a place among all.
-    pub(super) fn at(place: usize) -> Self {
-        let effect = if place < CRANE { Effect::Delay } else { Effect::Offset };
-        Self { effect, signal: COMPARED[place % CRANE] }
+    /// The nuisance parameter of an index below [`COUNT`](Self::COUNT).
+    pub(super) fn at_index(index: usize) -> Self {
+        let effect = if index < CRANE { Effect::Delay } else { Effect::Offset };
+        Self { effect, signal: COMPARED[index % CRANE] }
     }
 
-    /// What is allowed and known of it.
+    /// Its range and prior.
     pub fn allowed(self) -> &'static Allowed {
         match (self.effect, self.signal.dimension()) {
             (Effect::Delay, _) => &DELAY,
@@ -96,20 +102,21 @@ impl Nuisance {
         format!("{}.{}", self.signal.key(), self.allowed().name)
     }
 
-    /// Those that a name means: one by its key, with or without its unit, or `delay`, `offset` or `all`.
+    /// Nuisance parameters of a name: one by its key, with or without its unit, or all of `delay`, `offset`
+    /// or `all`.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError::Nuisance`] when it means none.
+    /// [`IdentifyError::Nuisance`] if there is none of this name.
     pub fn named(name: &str) -> Result<Vec<Self>, IdentifyError> {
-        let is_meant = |n: &Self| {
+        let matches_name = |n: &Self| {
             let (path, effect) = (n.path(), n.allowed().name.split('_').next().unwrap_or(""));
             name == path
                 || name == effect
                 || name == "all"
                 || path.rsplit_once('_').is_some_and(|(without, _)| name == without)
         };
-        let found: Vec<Self> = (0..Self::COUNT).map(Self::at).filter(is_meant).collect();
+        let found: Vec<Self> = (0..Self::COUNT).map(Self::at_index).filter(matches_name).collect();
         match found.is_empty() {
             true => Err(IdentifyError::Nuisance { name: name.into() }),
             false => Ok(found),
@@ -117,8 +124,9 @@ impl Nuisance {
     }
 }
 
-/// Delays and offsets of channels, each the mean over its logs, weighed by inverse variances; zero where nothing is known of it.
-pub(super) fn means(channels: &[Channel]) -> Vec<(Nuisance, f64)> {
+/// Delays and offsets of channels, each the mean over its logs weighted by inverse variances. Zero if no log
+/// determines it.
+pub(super) fn weighted_means(channels: &[Channel]) -> Vec<(Nuisance, f64)> {
     let mut found: Vec<(Nuisance, f64)> = Vec::new();
     for channel in channels {
         if found.iter().any(|(nuisance, _)| *nuisance == channel.nuisance) {
@@ -126,8 +134,8 @@ pub(super) fn means(channels: &[Channel]) -> Vec<(Nuisance, f64)> {
         }
         let of = channels.iter().filter(|other| other.nuisance == channel.nuisance);
         let (sum, weight) = of.fold((0.0, 0.0), |(sum, weight), c| {
-            let share = c.deviation.powi(-2);
-            (sum + share * c.value, weight + share)
+            let inverse_variance = c.deviation.powi(-2);
+            (sum + inverse_variance * c.value, weight + inverse_variance)
         });
         let is_known = weight > 0.0 && weight.is_finite();
         found.push((channel.nuisance, if is_known { sum / weight } else { 0.0 }));
@@ -135,10 +143,13 @@ pub(super) fn means(channels: &[Channel]) -> Vec<(Nuisance, f64)> {
     found
 }
 
-/// What a signal shows that comes late \[s\], from its samples an interval apart \[s\]; with its slope along the delay.
+/// Signal sampled every `interval` \[s\], delayed by `delay` \[s\], and its derivative with respect to the
+/// delay.
 ///
-/// Between samples a cubic goes through both with slopes by central differences (Catmull and Rom, 1974), which is smooth, so the slope along
-/// the delay is exactly minus the course's slope. Before it began it was at rest; after its end it goes on straight.
+/// Between samples it is a cubic with central differences as tangents (Catmull and Rom, A class of local
+/// interpolating splines, in: Computer Aided Geometric Design, 1974, 317-326). The derivative with respect to
+/// the delay is exactly minus its time derivative. Before the first sample the signal is constant, and after
+/// the last one it is extrapolated linearly.
 pub(super) fn delayed(course: &[f64], delay: f64, interval: f64) -> (Vec<f64>, Vec<f64>) {
     let last = course.len().saturating_sub(1);
     let tangent = |k: usize| {
@@ -146,19 +157,19 @@ pub(super) fn delayed(course: &[f64], delay: f64, interval: f64) -> (Vec<f64>, V
         (course[b] - course[a]) / (b - a).max(1) as f64
     };
     let shifted = (0..course.len()).map(|k| {
-        let at = k as f64 - delay / interval;
-        if at <= 0.0 {
-            // at zero its slope is that of leaving rest
-            return (course[0], if at == 0.0 { tangent(0) } else { 0.0 });
+        let position = k as f64 - delay / interval;
+        if position <= 0.0 {
+            // at the first sample the derivative is the one to the right
+            return (course[0], if position == 0.0 { tangent(0) } else { 0.0 });
         }
-        let before = (at as usize).min(last);
+        let before = (position as usize).min(last);
         if before == last {
-            return (course[last] + (at - last as f64) * tangent(last), tangent(last));
+            return (course[last] + (position - last as f64) * tangent(last), tangent(last));
         }
-        let s = at - before as f64;
+        let s = position - before as f64;
         let (a, b) = (course[before], course[before + 1]);
         let (from, to) = (tangent(before), tangent(before + 1));
-        // Hermite's cubic, and its slope
+        // Hermite cubic and its derivative
         let rise = b - a;
         let value =
             a + s * (from + s * ((3.0 * rise - 2.0 * from - to) + s * (from + to - 2.0 * rise)));
@@ -169,16 +180,16 @@ pub(super) fn delayed(course: &[f64], delay: f64, interval: f64) -> (Vec<f64>, V
     shifted.map(|(value, slope)| (value, -slope / interval)).unzip()
 }
 
-/// A prediction with each signal late \[s\]; zero delays leave it as it is.
+/// Delays each signal of a prediction \[s\]; a zero delay changes nothing.
 pub(super) fn all_delayed(
     prediction: &mut Prediction,
     delays: &[f64; COMPARED.len()],
     interval: f64,
 ) {
-    for (place, delay) in delays.iter().enumerate().filter(|(_, delay)| **delay != 0.0) {
-        let course: Vec<f64> = prediction.iter().map(|row| row[place]).collect();
+    for (index, delay) in delays.iter().enumerate().filter(|(_, delay)| **delay != 0.0) {
+        let course: Vec<f64> = prediction.iter().map(|row| row[index]).collect();
         for (row, value) in prediction.iter_mut().zip(delayed(&course, *delay, interval).0) {
-            row[place] = value;
+            row[index] = value;
         }
     }
 }
@@ -194,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_delayed_signal_is_that_of_earlier() {
+    fn a_delayed_signal_has_its_earlier_values() {
         let course: Vec<f64> = (0..400).map(|k| ringing(f64::from(k) * INTERVAL)).collect();
         for delay in [-0.0123, -1e-9, 0.0, 0.0021, 0.0177] {
             let (shown, _) = delayed(&course, delay, INTERVAL);
@@ -206,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_along_a_delay_is_what_a_little_more_delay_does() {
+    fn the_derivative_with_respect_to_a_delay_equals_its_finite_difference() {
         let course: Vec<f64> = (0..200).map(|k| ringing(f64::from(k) * INTERVAL)).collect();
         let little = 1e-7;
         for delay in [-0.0123, 0.0021, 0.0177] {
@@ -220,9 +231,9 @@ mod tests {
         }
     }
 
-    /// What is not significantly other than zero goes along as it was found, and of two logs the one that tells more counts more.
+    /// An insignificant estimate is kept, and of two logs the one of smaller variance has the larger weight.
     #[test]
-    fn sensors_are_means_over_logs_by_how_well_each_tells_them() {
+    fn sensors_are_means_over_logs_weighted_by_inverse_variance() {
         let channel = |name: &str, value: f64, deviation: f64| Channel {
             log: "log".into(),
             nuisance: Nuisance::named(name).unwrap()[0],
@@ -231,7 +242,7 @@ mod tests {
             partner: None,
         };
         let (pressure, stroke) = ("pressure_a.offset", "stroke.delay");
-        let found = means(&[
+        let found = weighted_means(&[
             channel(pressure, -1.0, 1.0),
             channel(stroke, 3.0, f64::INFINITY),
             channel(pressure, 1.0, 0.5),
