@@ -51,7 +51,7 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     }
     // a delay that is reported already is not repeated
     let is_said = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
-    let causes = context.faults.iter().filter(|fault| fault.is_told() && !is_said(fault));
+    let causes = context.faults.iter().filter(|fault| fault.is_isolable() && !is_said(fault));
     let causes: Vec<&SignalFault> =
         causes.filter(|fault| fault.explains.contains(&d.signal)).collect();
     if let (Some(left), false) =
@@ -244,7 +244,7 @@ fn explained(d: &Difference) -> Vec<String> {
     };
     let mut parts = Vec::new();
     let mut tell = |share: f64, what: String| {
-        if share > LIMITS.told {
+        if share > LIMITS.reported_share {
             parts.push(format!("{what}, {:.0} % of the difference's power", share * 100.0));
         }
     };
@@ -313,7 +313,8 @@ fn rings(d: &Difference, own: &[&Judgement]) -> Vec<String> {
             ))
         }
         (Aspect::Damping, Some(a), Some(b))
-            if is_same_mode || !(log.tells_frequency() && model.tells_frequency()) =>
+            if is_same_mode
+                || !(log.has_reliable_frequency() && model.has_reliable_frequency()) =>
         {
             let how = if j.found < 0.0 { "more" } else { "less" };
             Some(format!("is damped {how} ({a:.3}) than the model ({b:.3})"))

@@ -153,9 +153,9 @@ impl Validate {
 
 /// Compares a segment of a log with the model.
 fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
-    let Isolated { prediction, found, faults, mended, left } =
+    let Isolated { prediction, found, faults, corrected, left } =
         isolate(crane, &experiment).into_diagnostic()?;
-    let (_, would) = remedies(crane, &mended).into_diagnostic()?;
+    let (_, would) = remedies(crane, &corrected).into_diagnostic()?;
     let pressures = prediction.iter().flat_map(|row| row.iter().skip(1).copied());
     experiment.remarks.extend(difference_text::beyond(pressures.fold(0.0, f64::max)));
     experiment.remarks.extend(charge(crane, &experiment));
@@ -169,7 +169,7 @@ fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
     let findings = findings.collect();
     let advice =
         difference_text::advice(&complaints(&left), &would, difference_text::asks_for_keys(&left));
-    let is_mended = faults.iter().any(SignalFault::is_told);
+    let is_mended = faults.iter().any(SignalFault::is_isolable);
     Ok(Part {
         experiment,
         findings,
@@ -226,7 +226,7 @@ fn row(finding: &Finding) -> Vec<String> {
     let (unit, size) = d.signal.shown();
     let frequency = |r: Option<Ringing>| {
         let text = output::optional(r.map(|r| r.frequency), 3);
-        if r.is_some_and(|r| !r.tells_frequency()) { format!("({text})") } else { text }
+        if r.is_some_and(|r| !r.has_reliable_frequency()) { format!("({text})") } else { text }
     };
     let damping = |r: Option<Ringing>| output::optional(r.and_then(|r| r.damping), 3);
     vec![
@@ -247,7 +247,7 @@ fn in_json(finding: &Finding) -> Value {
     let d = &finding.difference;
     let (unit, size) = d.signal.shown();
     let rings = |r: Option<Ringing>| {
-        r.map(|r| json!({ "frequency_hz": r.frequency, "damping": r.damping, "frequency_judged": r.tells_frequency() }))
+        r.map(|r| json!({ "frequency_hz": r.frequency, "damping": r.damping, "frequency_judged": r.has_reliable_frequency() }))
     };
     json!({
         "signal": d.signal.key(), "unit": unit, "samples": d.count, "rms": d.rms / size,

@@ -49,7 +49,7 @@ pub struct SignalFault {
 
 impl SignalFault {
     /// Whether the log distinguishes the fault from an error of the crane's parameters.
-    pub fn is_told(&self) -> bool {
+    pub fn is_isolable(&self) -> bool {
         self.against.is_some() || matches!(self.fault, Fault::Delay(_))
     }
 }
@@ -64,7 +64,7 @@ pub struct Isolated {
     /// Faults of signals, the one that explains most first.
     pub faults: Vec<SignalFault>,
     /// Log corrected for the faults that are distinguishable from errors of the crane's parameters.
-    pub mended: Experiment,
+    pub corrected: Experiment,
     /// Differences of the model to the corrected log.
     pub left: Differences,
 }
@@ -94,12 +94,12 @@ pub fn isolate(model: &Description, experiment: &Experiment) -> Result<Isolated,
     while faults.len() < MOST_FAULTS && now.found.iter().any(|d| is_beyond(d) || d.is_late()) {
         let isolated: Vec<Signal> = faults.iter().map(|fault| fault.signal).collect();
         let Some((fault, then)) = best(model, &now, &isolated)? else { break };
-        if fault.is_told() {
+        if fault.is_isolable() {
             now = then;
         }
         faults.push(fault);
     }
-    Ok(Isolated { prediction, found, faults, mended: now.experiment, left: now.found })
+    Ok(Isolated { prediction, found, faults, corrected: now.experiment, left: now.found })
 }
 
 /// Experiment with the model's prediction.

@@ -32,7 +32,7 @@ pub struct Limits {
     pub shortest_delay: f64,
     /// Smallest share of a difference's power explained by an offset, a drift or a scale alone for it to be
     /// reported \[-\].
-    pub told: f64,
+    pub reported_share: f64,
     /// Largest offset of a pressure sensor over the largest pressure of the log \[-\]: sensors of a crane
     /// usually have one range. A larger offset indicates another signal or another load.
     pub sensor_offset: f64,
@@ -72,7 +72,7 @@ pub const LIMITS: Limits = Limits {
     readable_damping: 0.1,
     most: 0.5,
     shortest_delay: 3e-3,
-    told: 0.3,
+    reported_share: 0.3,
     sensor_offset: 0.2,
     sensor_scale: 0.3,
     shared: 0.5,

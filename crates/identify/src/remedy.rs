@@ -48,16 +48,16 @@ pub struct Moved {
 pub type Remedies = Vec<Remedy>;
 
 /// Number of candidate keys for the differences, and for each frequency and damping.
-const LOOKED_AT: usize = 5;
-const LOOKED_AT_FOR_RINGING: usize = 2;
+const CANDIDATES: usize = 5;
+const CANDIDATES_FOR_OSCILLATION: usize = 2;
 /// Largest number of proposals.
-const TOLD: usize = 3;
+const MOST_PROPOSALS: usize = 3;
 /// Multiples of the linear step at which the model is run, because a large change is nonlinear.
-const TRIED: [f64; 5] = [0.4, 0.7, 1.0, 1.5, 2.2];
+const STEP_FACTORS: [f64; 5] = [0.4, 0.7, 1.0, 1.5, 2.2];
 /// Factors of the refinement about the best of them.
-const REFINED: [f64; 4] = [0.75, 1.25, 0.9, 1.1];
+const REFINEMENT_FACTORS: [f64; 4] = [0.75, 1.25, 0.9, 1.1];
 /// Change of ln θ for the numerical derivative of an oscillation's frequency and damping.
-const NUDGE: f64 = 0.003;
+const DIFFERENCE_STEP: f64 = 0.003;
 
 /// Keys that would most decrease the sum of ½ ln(1 + (found/limit)²) over all judged quantities, each
 /// changed alone. Candidates follow from exact derivatives and are tested by model runs. Delayed signals
@@ -74,9 +74,9 @@ pub fn remedies(
     let prediction = predict(model, experiment)?;
     let found = differences(experiment, &prediction);
     let is_free = free(experiment, experiment.interval());
-    let of = asked(&found);
-    let all = All { experiment, model, is_free: &is_free, of };
-    if all.of.iter().all(|asked| asked.judgement.is_right()) {
+    let quantities = judged_quantities(&found);
+    let all = JudgedQuantities { experiment, model, is_free: &is_free, quantities };
+    if all.quantities.iter().all(|quantity| quantity.judgement.is_right()) {
         return Ok((prediction, Vec::new()));
     }
     let keys = Free::usual(model);
@@ -86,7 +86,7 @@ pub fn remedies(
 }
 
 /// Judged quantity that keys may affect.
-struct Asked {
+struct JudgedQuantity {
     judgement: Judgement,
     /// Index of the signal among the compared ones.
     place: usize,
@@ -95,65 +95,71 @@ struct Asked {
 }
 
 /// Judged quantities except those that no key can explain.
-fn asked(found: &Differences) -> Vec<Asked> {
+fn judged_quantities(found: &Differences) -> Vec<JudgedQuantity> {
     let of = |judgement: Judgement| {
         let place = COMPARED.iter().position(|signal| *signal == judgement.signal)?;
         let d = found.iter().find(|d| d.signal == judgement.signal)?;
         let is_size = matches!(judgement.aspect, Aspect::Position | Aspect::Pressures);
         let is_other = d.is_late() || d.is_of_clock();
-        (!(is_size && is_other)).then_some(Asked { judgement, place, log: d.ringing })
+        (!(is_size && is_other)).then_some(JudgedQuantity { judgement, place, log: d.ringing })
     };
     judged(found).into_iter().filter_map(of).collect()
 }
 
 /// All judged quantities of one log.
-struct All<'a> {
+struct JudgedQuantities<'a> {
     experiment: &'a Experiment,
     model: &'a Description,
     is_free: &'a [bool],
-    of: Vec<Asked>,
+    quantities: Vec<JudgedQuantity>,
 }
 
 /// Value of each quantity for a prediction, with its deviation over its limit.
-type Found = Vec<Option<(f64, f64)>>;
+type Values = Vec<Option<(f64, f64)>>;
 
 /// Tested change of a key: sum over all quantities, step of ln θ, values.
-type Tried = (f64, f64, Found);
+type Trial = (f64, f64, Values);
 
-impl All<'_> {
-    fn found(&self, prediction: &Prediction) -> Found {
-        self.of.iter().map(|asked| self.one(asked, prediction)).collect()
+impl JudgedQuantities<'_> {
+    fn values(&self, prediction: &Prediction) -> Values {
+        self.quantities.iter().map(|quantity| self.value_over_limit(quantity, prediction)).collect()
     }
 
-    fn one(&self, asked: &Asked, prediction: &Prediction) -> Option<(f64, f64)> {
-        let value = self.value(asked, prediction)?;
-        let off = match asked.judgement.aspect {
+    fn value_over_limit(
+        &self,
+        quantity: &JudgedQuantity,
+        prediction: &Prediction,
+    ) -> Option<(f64, f64)> {
+        let value = self.value(quantity, prediction)?;
+        let off = match quantity.judgement.aspect {
             Aspect::Position | Aspect::Pressures => value,
-            Aspect::Frequency => value / asked.log?.frequency - 1.0,
+            Aspect::Frequency => value / quantity.log?.frequency - 1.0,
             Aspect::Damping => {
-                let own = asked.log?.damping?;
+                let own = quantity.log?.damping?;
                 (value - own) / own.abs().max(1e-9)
             }
         };
-        Some((value, off.abs() / asked.judgement.limit))
+        Some((value, off.abs() / quantity.judgement.limit))
     }
 
     /// RMS difference, or the model's frequency or damping ratio; none if its oscillation is not
     /// identifiable.
-    fn value(&self, asked: &Asked, prediction: &Prediction) -> Option<f64> {
+    fn value(&self, quantity: &JudgedQuantity, prediction: &Prediction) -> Option<f64> {
         let rings = || {
-            let values: Vec<f64> = prediction.iter().map(|row| row[asked.place]).collect();
+            let values: Vec<f64> = prediction.iter().map(|row| row[quantity.place]).collect();
             ringing(&values, self.experiment.interval(), self.is_free)
         };
-        match asked.judgement.aspect {
+        match quantity.judgement.aspect {
             Aspect::Position | Aspect::Pressures => {
                 let pairs = self.experiment.samples.iter().zip(prediction);
                 let errors =
-                    pairs.filter_map(|(s, p)| Some(s.values[asked.place]? - p[asked.place]));
+                    pairs.filter_map(|(s, p)| Some(s.values[quantity.place]? - p[quantity.place]));
                 let (count, sum) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
                 (count > 0.0).then(|| f64::sqrt(sum / count))
             }
-            Aspect::Frequency => rings().filter(Ringing::tells_frequency).map(|r| r.frequency),
+            Aspect::Frequency => {
+                rings().filter(Ringing::has_reliable_frequency).map(|r| r.frequency)
+            }
             Aspect::Damping => rings()?.damping,
         }
     }
@@ -161,14 +167,14 @@ impl All<'_> {
     /// Sum of ln(1 + square)/2 over all judged quantities, where the square is that of the deviation over
     /// its limit. It is logarithmic for large deviations, so that all have equal weight, and quadratic for
     /// small ones. A quantity that is no longer identifiable counts as before.
-    fn sum(&self, found: &Found, before: &Found) -> f64 {
+    fn cost(&self, found: &Values, before: &Values) -> f64 {
         let of = found.iter().zip(before).filter_map(|(found, before)| found.or(*before));
         of.map(|(_, over)| 0.5 * (1.0 + over * over).ln()).sum()
     }
 
     /// The sum as a factor: geometric mean over all quantities.
     fn misfit(&self, sum: f64) -> f64 {
-        (sum / self.of.len().max(1) as f64).exp()
+        (sum / self.quantities.len().max(1) as f64).exp()
     }
 
     /// Linear step of ln θ that minimises the scaled differences of all signals, and the share of them that
@@ -177,17 +183,17 @@ impl All<'_> {
         &self,
         prediction: &Prediction,
         slope: &Prediction,
-        found: &Found,
+        found: &Values,
     ) -> Option<(f64, f64)> {
         let (mut along, mut square) = (0.0, 0.0);
-        for (asked, found) in self.of.iter().zip(found) {
+        for (quantity, found) in self.quantities.iter().zip(found) {
             let Some((rms, _)) = found else { continue };
-            let is_size = matches!(asked.judgement.aspect, Aspect::Position | Aspect::Pressures);
-            if !is_size || asked.judgement.is_right() {
+            let is_size = matches!(quantity.judgement.aspect, Aspect::Position | Aspect::Pressures);
+            if !is_size || quantity.judgement.is_right() {
                 continue;
             }
             let weight = 1.0 / (rms * rms).max(f64::MIN_POSITIVE);
-            let place = asked.place;
+            let place = quantity.place;
             for ((s, p), slope) in self.experiment.samples.iter().zip(prediction).zip(slope) {
                 let Some(value) = s.values[place] else { continue };
                 along += weight * (value - p[place]) * slope[place];
@@ -201,48 +207,48 @@ impl All<'_> {
     /// The same for a frequency or damping; a shorter step indicates a more specific key.
     fn step_of_ringing(
         &self,
-        asked: &Asked,
+        quantity: &JudgedQuantity,
         prediction: &Prediction,
         slope: &Prediction,
     ) -> Option<(f64, f64)> {
         let moved = |by: f64| {
             let mut there = prediction.clone();
             for (row, slope) in there.iter_mut().zip(slope) {
-                row[asked.place] += by * slope[asked.place];
+                row[quantity.place] += by * slope[quantity.place];
             }
-            self.value(asked, &there)
+            self.value(quantity, &there)
         };
-        let change = (moved(NUDGE)? - moved(-NUDGE)?) / (2.0 * NUDGE);
-        let wanted = match asked.judgement.aspect {
-            Aspect::Frequency => asked.log?.frequency,
-            _ => asked.log?.damping?,
+        let change = (moved(DIFFERENCE_STEP)? - moved(-DIFFERENCE_STEP)?) / (2.0 * DIFFERENCE_STEP);
+        let wanted = match quantity.judgement.aspect {
+            Aspect::Frequency => quantity.log?.frequency,
+            _ => quantity.log?.damping?,
         };
-        let step = (wanted - self.value(asked, prediction)?) / change;
+        let step = (wanted - self.value(quantity, prediction)?) / change;
         step.is_finite().then_some((1.0 / step.abs().max(1e-9), step))
     }
 
     fn remedies(&self, prediction: &Prediction, keys: &[Free], slopes: &[Prediction]) -> Remedies {
-        let before = self.found(prediction);
+        let before = self.values(prediction);
         let best_of = |step: &(dyn Fn(&Prediction) -> Option<(f64, f64)> + '_), count: usize| {
             let steps = keys.iter().zip(slopes).filter_map(|(key, slope)| {
-                let (worth, step) = step(slope)?;
-                Some((worth, step, *key))
+                let (rank, step) = step(slope)?;
+                Some((rank, step, *key))
             });
-            let mut straight: Vec<(f64, f64, Free)> = steps.collect();
-            straight.sort_by(|a, b| b.0.total_cmp(&a.0));
-            straight.truncate(count);
-            straight
+            let mut linear: Vec<(f64, f64, Free)> = steps.collect();
+            linear.sort_by(|a, b| b.0.total_cmp(&a.0));
+            linear.truncate(count);
+            linear
         };
-        let mut straight = best_of(&|slope| self.step(prediction, slope, &before), LOOKED_AT);
-        for asked in &self.of {
-            let is_size = matches!(asked.judgement.aspect, Aspect::Position | Aspect::Pressures);
-            if !is_size && !asked.judgement.is_right() {
-                let step = |slope: &Prediction| self.step_of_ringing(asked, prediction, slope);
-                straight.extend(best_of(&step, LOOKED_AT_FOR_RINGING));
+        let mut linear = best_of(&|slope| self.step(prediction, slope, &before), CANDIDATES);
+        for quantity in &self.quantities {
+            let is_size = matches!(quantity.judgement.aspect, Aspect::Position | Aspect::Pressures);
+            if !is_size && !quantity.judgement.is_right() {
+                let step = |slope: &Prediction| self.step_of_ringing(quantity, prediction, slope);
+                linear.extend(best_of(&step, CANDIDATES_FOR_OSCILLATION));
             }
         }
         let tried = |(_, step, key): &(f64, f64, Free)| self.tried(&before, *step, *key);
-        let mut list: Vec<(f64, Remedy)> = straight.par_iter().filter_map(tried).collect();
+        let mut list: Vec<(f64, Remedy)> = linear.par_iter().filter_map(tried).collect();
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
         // one change per key: the better one
         let mut named: Vec<String> = Vec::new();
@@ -255,59 +261,59 @@ impl All<'_> {
         if list.iter().any(|(_, remedy)| !remedy.at_limit) {
             list.retain(|(_, remedy)| !remedy.at_limit);
         }
-        list.truncate(TOLD);
+        list.truncate(MOST_PROPOSALS);
         list.into_iter().map(|(_, remedy)| remedy).collect()
     }
 
     /// Best change of a key along its step, with the remaining deviations; none if the improvement is too
     /// small.
-    fn tried(&self, before: &Found, step: f64, key: Free) -> Option<(f64, Remedy)> {
+    fn tried(&self, before: &Values, step: f64, key: Free) -> Option<(f64, Remedy)> {
         let value = key.value(self.model);
         let (low, high) = key.bounds();
         let most = LIMITS.most_change;
         let limits = [(low / value).max(1.0 / most).ln(), (high / value).min(most).ln()];
-        let at = |by: f64| -> Option<Tried> {
+        let at = |by: f64| -> Option<Trial> {
             let mut numbers = self.model.numbers.to_array();
             numbers[key.place] = value * by.exp();
             let mut there = self.model.clone();
             there.numbers = Numbers::from_array(numbers);
-            let found = self.found(&predict(&there, self.experiment).ok()?);
-            Some((self.sum(&found, before), by, found))
+            let found = self.values(&predict(&there, self.experiment).ok()?);
+            Some((self.cost(&found, before), by, found))
         };
         let clamped = |by: f64| by.max(limits[0]).min(limits[1]);
-        let better = |a: Tried, b: Tried| if b.0 < a.0 { b } else { a };
-        let runs = TRIED.par_iter().filter_map(|share| at(clamped(share * step)));
+        let better = |a: Trial, b: Trial| if b.0 < a.0 { b } else { a };
+        let runs = STEP_FACTORS.par_iter().filter_map(|factor| at(clamped(factor * step)));
         let mut best = runs.reduce_with(better)?;
         // doubled while it improves, then refined by a quarter and a tenth to both sides
-        let mut last = TRIED[TRIED.len() - 1] * step;
+        let mut last = STEP_FACTORS[STEP_FACTORS.len() - 1] * step;
         while best.1 == clamped(last) && clamped(2.0 * last) != clamped(last) {
             last *= 2.0;
             if let Some(next) = at(clamped(last)) {
                 best = better(best, next);
             }
         }
-        for part in REFINED {
+        for part in REFINEMENT_FACTORS {
             if let Some(next) = at(clamped(part * best.1)) {
                 best = better(best, next);
             }
         }
         let (after, by, found) = best;
-        let all = self.sum(before, before);
+        let all = self.cost(before, before);
         if after >= (1.0 - LIMITS.worthwhile) * all {
             return None;
         }
         let at_limit = by <= limits[0] || limits[1] <= by;
-        let both = self.of.iter().zip(before).zip(&found);
-        let moved = both.filter_map(|((asked, before), after)| {
+        let both = self.quantities.iter().zip(before).zip(&found);
+        let moved = both.filter_map(|((quantity, before), after)| {
             let ((before, over_before), (after, over_after)) = ((*before)?, (*after)?);
-            let wanted = match asked.judgement.aspect {
+            let wanted = match quantity.judgement.aspect {
                 Aspect::Position | Aspect::Pressures => 0.0,
-                Aspect::Frequency => asked.log?.frequency,
-                Aspect::Damping => asked.log?.damping?,
+                Aspect::Frequency => quantity.log?.frequency,
+                Aspect::Damping => quantity.log?.damping?,
             };
-            let (aspect, signal) = (asked.judgement.aspect, asked.judgement.signal);
-            let is_told = over_before > 1.0 || over_after > 1.0;
-            is_told.then_some(Moved { aspect, signal, found: (before, after), wanted })
+            let (aspect, signal) = (quantity.judgement.aspect, quantity.judgement.signal);
+            let is_reported = over_before > 1.0 || over_after > 1.0;
+            is_reported.then_some(Moved { aspect, signal, found: (before, after), wanted })
         });
         let misfit = (self.misfit(all), self.misfit(after));
         let (path, change) = (key.path(), by.exp() - 1.0);

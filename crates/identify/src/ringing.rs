@@ -17,7 +17,7 @@ pub struct Ringing {
 
 impl Ringing {
     /// Whether its frequency is reliable: the damping is small enough for several periods.
-    pub fn tells_frequency(&self) -> bool {
+    pub fn has_reliable_frequency(&self) -> bool {
         self.damping.is_some_and(|damping| damping <= LIMITS.readable_damping)
     }
 }
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frequency_and_damping_of_a_known_decay_are_found_on_a_slope() {
+    fn frequency_and_damping_of_a_decay_are_estimated_on_a_slope() {
         for (f, zeta) in [(2.24, 0.05), (3.2, 0.02), (1.1, 0.12)] {
             let interval = 0.005;
             let omega = std::f64::consts::TAU * f;
@@ -231,7 +231,7 @@ mod tests {
     /// With a transient that settles in a third of a second, as after a ramp, the frequency error exceeds
     /// its limit for strong damping. The frequency is not reported there.
     #[test]
-    fn a_frequency_is_told_where_it_can_be_read() {
+    fn a_frequency_is_reliable_up_to_the_largest_damping() {
         let interval = 0.005;
         let mut worst = [0.0_f64; 2];
         for zeta in [0.01, 0.03, 0.06, 0.09, 0.2, 0.28] {
@@ -247,7 +247,7 @@ mod tests {
                     .collect();
                 let found = ringing(&values, interval, &vec![true; values.len()]).unwrap();
                 let off = (found.frequency * std::f64::consts::TAU / damped - 1.0).abs();
-                let told = usize::from(found.tells_frequency());
+                let told = usize::from(found.has_reliable_frequency());
                 worst[told] = worst[told].max(off);
             }
         }
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_ring_has_no_damping() {
+    fn a_signal_without_oscillation_has_no_damping() {
         let slope: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
         assert!(ringing(&slope, 0.005, &[true; 1000]).is_none_or(|r| r.damping.is_none()));
         assert!(ringing(&[1.0; 10], 0.005, &[true; 10]).is_none());

@@ -55,7 +55,7 @@ fn of_ringing(d: &Difference) -> Vec<Judgement> {
     let (Some(log), Some(model)) = (d.ringing, d.model_ringing) else { return Vec::new() };
     let (Some(own), Some(shown)) = (log.damping, model.damping) else { return Vec::new() };
     let (signal, mut all) = (d.signal, Vec::new());
-    if [log, model].iter().all(Ringing::tells_frequency) {
+    if [log, model].iter().all(Ringing::has_reliable_frequency) {
         let found = model.frequency / log.frequency - 1.0;
         all.push(Judgement { aspect: Aspect::Frequency, signal, found, limit: LIMITS.frequency });
     }
@@ -72,9 +72,9 @@ pub(crate) fn is_beyond(d: &Difference) -> bool {
 
 /// All judgements: each adequately sampled signal, and the boom's oscillation.
 pub(crate) fn judged(found: &Differences) -> Vec<Judgement> {
-    let told = found.iter().filter(|d| d.unresolved.is_none());
+    let resolved = found.iter().filter(|d| d.unresolved.is_none());
     let boom = boom(found).map(of_ringing).into_iter().flatten();
-    told.map(of_size).chain(boom).collect()
+    resolved.map(of_size).chain(boom).collect()
 }
 
 /// Judgements beyond their limits, signal by signal.
@@ -85,11 +85,11 @@ pub fn complaints(found: &Differences) -> Vec<Judgement> {
 /// Signal of the boom's oscillation: largest amplitude over sensor noise. An oscillation without an
 /// identified damping has no reliable frequency.
 fn boom(found: &Differences) -> Option<&Difference> {
-    let loudness = |d: &&Difference| {
+    let amplitude_over_noise = |d: &&Difference| {
         d.ringing.map_or(0.0, |log| log.amplitude / d.noise.max(f64::MIN_POSITIVE))
     };
-    let told = found.iter().filter(|d| d.unresolved.is_none() && !of_ringing(d).is_empty());
-    told.max_by(|a, b| loudness(a).total_cmp(&loudness(b)))
+    let resolved = found.iter().filter(|d| d.unresolved.is_none() && !of_ringing(d).is_empty());
+    resolved.max_by(|a, b| amplitude_over_noise(a).total_cmp(&amplitude_over_noise(b)))
 }
 
 /// Judgement of each aspect by its worst signal.
@@ -98,8 +98,9 @@ pub fn verdict(found: &Differences) -> Vec<Judgement> {
         let share = |j: &Judgement| j.found.abs() / j.limit;
         of.into_iter().max_by(|a, b| share(a).total_cmp(&share(b)))
     };
-    let told = || found.iter().filter(|d| d.unresolved.is_none());
-    let of = |aspect: Aspect| worst(told().map(of_size).filter(|j| j.aspect == aspect).collect());
+    let resolved = || found.iter().filter(|d| d.unresolved.is_none());
+    let of =
+        |aspect: Aspect| worst(resolved().map(of_size).filter(|j| j.aspect == aspect).collect());
     let ringing = boom(found).map(of_ringing).into_iter().flatten();
     let sizes = [of(Aspect::Position), of(Aspect::Pressures)];
     sizes.into_iter().flatten().chain(ringing).collect()
@@ -140,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn each_aspect_is_judged_by_its_worst_signal_and_what_is_not_told_by_none() {
+    fn each_aspect_is_judged_by_its_worst_signal_and_an_unidentified_one_by_none() {
         let silent = [None; 2];
         let found = vec![
             difference(Signal::Stroke, 2e-3, silent),
@@ -152,7 +153,7 @@ mod tests {
             difference(Signal::PressureB, 3.0e5, silent),
         ];
         let judged = verdict(&found);
-        let told: Vec<(Aspect, Signal, bool)> =
+        let aspects: Vec<(Aspect, Signal, bool)> =
             judged.iter().map(|j| (j.aspect, j.signal, j.is_right())).collect();
         // 2 mm of 400 mm; 3 bar of 80 bar; 5 % of the frequency; damping 0.03 for 0.02, which is half more
         let expected = [
@@ -161,12 +162,12 @@ mod tests {
             (Aspect::Frequency, Signal::PressureA, false),
             (Aspect::Damping, Signal::PressureA, false),
         ];
-        assert_eq!(told, expected);
+        assert_eq!(aspects, expected);
         // with strong damping the frequency is not judged, and the damping is
         let brief = [ringing(3.0, Some(0.04)), ringing(2.2, Some(0.28))];
         let judged = verdict(&vec![difference(Signal::PressureA, 1.0e5, brief)]);
-        let told: Vec<Aspect> = judged.iter().map(|j| j.aspect).collect();
-        assert_eq!(told, [Aspect::Pressures, Aspect::Damping]);
+        let aspects: Vec<Aspect> = judged.iter().map(|j| j.aspect).collect();
+        assert_eq!(aspects, [Aspect::Pressures, Aspect::Damping]);
         let unsure = [ringing(3.0, None), ringing(3.15, Some(0.03))];
         let judged = verdict(&vec![difference(Signal::PressureA, 1.0e5, unsure)]);
         assert_eq!(judged.len(), 1, "{judged:?}");

@@ -41,11 +41,11 @@ fn all(_: Signal) -> bool {
 
 /// The one isolated fault; no difference remains beyond its limit, and no key is proposed.
 fn only(experiment: &Experiment) -> SignalFault {
-    let Isolated { faults, mended, left, .. } = isolate(model(), experiment).unwrap();
+    let Isolated { faults, corrected, left, .. } = isolate(model(), experiment).unwrap();
     let [fault] = &faults[..] else { panic!("{faults:?}") };
-    assert!(fault.is_told(), "{fault:?}");
+    assert!(fault.is_isolable(), "{fault:?}");
     assert!(complaints(&left).is_empty(), "{fault:?}: {:?}", complaints(&left));
-    assert!(remedies(model(), &mended).unwrap().1.is_empty());
+    assert!(remedies(model(), &corrected).unwrap().1.is_empty());
     fault.clone()
 }
 
@@ -60,7 +60,7 @@ const PRESSURES: [Signal; 5] = [
 /// The model starts from measured pressures: an error of one affects other signals too and is still one
 /// fault.
 #[test]
-fn an_offset_of_each_pressure_is_its_sensor_s() {
+fn an_offset_of_each_pressure_is_attributed_to_its_sensor() {
     for signal in PRESSURES {
         for off in [5e5, -2e5] {
             let experiment = log(all, |of, t, v| (t, if of == signal { v + off } else { v }));
@@ -75,7 +75,7 @@ fn an_offset_of_each_pressure_is_its_sensor_s() {
 /// An input delayed relative to all other signals is one delay, not several advanced sensors. So is an
 /// advanced input, whose effect is the same as a common delay.
 #[test]
-fn a_motor_speed_that_is_late_is_one_delay() {
+fn a_delayed_motor_speed_is_one_delay() {
     for late in [0.02, -0.015] {
         let fault =
             only(&log(all, |of, t, v| (if of == Signal::MotorSpeed { t + late } else { t }, v)));
@@ -87,7 +87,7 @@ fn a_motor_speed_that_is_late_is_one_delay() {
 }
 
 #[test]
-fn a_position_that_is_late_is_no_input_s_delay() {
+fn a_delayed_position_is_no_delay_of_an_input() {
     let found = isolate(
         model(),
         &log(all, |of, t, v| (if of == Signal::Stroke { t + 0.02 } else { t }, v)),
@@ -100,7 +100,7 @@ fn a_position_that_is_late_is_no_input_s_delay() {
 /// A difference that both sensors of the load pressure share is due to the load. Without the redundant
 /// sensor an offset is not distinguished from a load.
 #[test]
-fn a_load_is_no_sensor_s_and_a_sensor_alone_may_be_the_load_s() {
+fn a_load_is_not_attributed_to_a_sensor_and_a_single_sensor_is_not_isolable() {
     let light = with(model(), "payload.mass_kg", 0.9);
     let found = isolate(&light, &log(all, |_, t, v| (t, v))).unwrap();
     assert!(!complaints(&found.found).is_empty());
@@ -112,5 +112,5 @@ fn a_load_is_no_sensor_s_and_a_sensor_alone_may_be_the_load_s() {
     let found = isolate(model(), &alone).unwrap();
     let [fault] = &found.faults[..] else { panic!("{:?}", found.faults) };
     assert_eq!(fault.signal, Signal::PressureA);
-    assert!(!fault.is_told() && !complaints(&found.left).is_empty(), "{fault:?}");
+    assert!(!fault.is_isolable() && !complaints(&found.left).is_empty(), "{fault:?}");
 }
