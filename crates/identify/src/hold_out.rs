@@ -16,7 +16,7 @@ pub struct Stretch {
 
 /// Prediction error of a signal on a stretch: RMS differences in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Foretold {
+pub struct PredictionError {
     /// Signal.
     pub signal: Signal,
     /// Error of the model.
@@ -27,7 +27,7 @@ pub struct Foretold {
     /// Error of the last value before it, averaged over a tenth of its length.
     pub constant: Option<f64>,
     /// Error of the regression line through the stretch itself, which is not a prediction.
-    pub hindsight: f64,
+    pub own_line: f64,
 }
 
 /// Model on a stretch that was excluded from its fit.
@@ -38,7 +38,7 @@ pub struct HeldOut {
     /// Stretch.
     pub stretch: Stretch,
     /// Signals measured there.
-    pub signals: Vec<Foretold>,
+    pub signals: Vec<PredictionError>,
     /// Oscillation of the whole log, and of the model fitted without the stretch.
     pub whole: Vec<Difference>,
 }
@@ -92,12 +92,12 @@ pub fn held_out(
         let earlier = before(0.5);
         let last = before(0.1).map(|l| l.at(stretch.from - 0.05 * length));
         let own = line(inside.iter().map(|s| (s.0, s.1)))?;
-        signals.push(Foretold {
+        signals.push(PredictionError {
             signal,
             model: rms(&|s| s.2),
             line: earlier.map(|l| rms(&|s| l.at(s.0))),
             constant: last.map(|v| rms(&|_| v)),
-            hindsight: rms(&|s| own.at(s.0)),
+            own_line: rms(&|s| own.at(s.0)),
         });
     }
     (!signals.is_empty()).then(|| HeldOut {

@@ -40,7 +40,7 @@ pub use fit::{
     Task, Tuned, fit, profile,
 };
 pub use free::Free;
-pub use hold_out::{Foretold, HeldOut, Stretch, held_out};
+pub use hold_out::{HeldOut, PredictionError, Stretch, held_out};
 pub use limits::{LIMITS, Limits};
 pub use number::{Number, Stepper};
 pub use prediction::{Prediction, predict, sensitivities};

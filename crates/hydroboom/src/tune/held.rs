@@ -149,7 +149,7 @@ pub fn said(held: &[HeldOut]) -> String {
                 format!("{:.3}", f.model / size),
                 output::optional(f.line.map(|v| v / size), 3),
                 output::optional(f.constant.map(|v| v / size), 3),
-                format!("{:.3}", f.hindsight / size),
+                format!("{:.3}", f.own_line / size),
             ]);
         }
     }
@@ -199,7 +199,7 @@ pub fn in_json(held: &[HeldOut]) -> Vec<Value> {
                     json!({
                         "signal": f.signal.key(), "unit": unit, "model": f.model / size,
                         "line_before": f.line.map(|v| v / size), "last_value": f.constant.map(|v| v / size),
-                        "line_in_hindsight": f.hindsight / size,
+                        "line_in_hindsight": f.own_line / size,
                     })
                 }).collect::<Vec<_>>(),
                 "ringing": h.whole.iter().filter_map(|d| {

@@ -169,7 +169,7 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
                     td { b { (format!("{:.3}", f.model / size)) } }
                     td { (number(f.line.map(|v| v / size), 3)) }
                     td { (number(f.constant.map(|v| v / size), 3)) }
-                    td { (format!("{:.3}", f.hindsight / size)) }
+                    td { (format!("{:.3}", f.own_line / size)) }
                 }
             } } }
         } }
