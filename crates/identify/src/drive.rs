@@ -206,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn merged_inputs_are_means_and_what_is_left_over_holds_for_nothing() {
+    fn merged_inputs_are_means_and_an_incomplete_rest_is_dropped() {
         let input = |k: u32| Input { pump_speed: f64::from(k), holding_valve: 1.0 };
         let Drive::Pump(merged) = Drive::Pump((0..12).map(input).collect()).merged(5) else {
             panic!("the same kind of drive")

@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn offset_drift_scale_and_delay_are_told_apart() {
+    fn offset_drift_scale_and_delay_are_distinguished() {
         assert!((only(parts(|t| model(t) + 0.7), 0) - 0.7).abs() < 1e-6);
         assert!((only(parts(|t| model(t) + 0.2 * (t - 5.0)), 1) - 0.2).abs() < 1e-3);
         let mean = 70.0 + 4.0 * (1.0 - 9.0_f64.cos()) / 9.0;

@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_found_on_samples_that_come_unevenly_and_over_a_gap() {
+    fn noise_is_estimated_from_uneven_samples_and_over_a_gap() {
         let mut normal = normal();
         let mut time = Vec::new();
         for k in 0..8000 {
@@ -119,7 +119,9 @@ mod tests {
         assert!(noise(&Track::new(&time, &values), 0.0, 10.0) < 1e-12);
         assert_eq!(noise(&Track::new(&time, &values), 20.0, 30.0), 0.0);
     }
-    /// A slow course in steps of a converter, of which most third differences are zero; its error against the course is known.
+
+    /// A slow signal in steps of a converter, with most third differences equal to zero, and its error
+    /// against the exact signal.
     #[test]
     fn a_coarse_converter_has_the_noise_of_its_steps() {
         let step = 0.25;
@@ -130,10 +132,10 @@ mod tests {
         let error = (square / time.len() as f64).sqrt();
         let found = noise(&Track::new(&time, &values), 0.0, 20.0);
         assert!((found / error - 1.0).abs() < 0.05, "{found} for {error}");
-        // the same course with all its digits has none
+        // the same signal without quantisation has none
         let values: Vec<f64> = time.iter().map(course).collect();
         assert!(noise(&Track::new(&time, &values), 0.0, 20.0) < 1e-3 * error);
-        // and a sensor at rest has no resolution that shows
+        // and a constant reading shows no resolution
         assert!(noise(&Track::new(&time, &vec![40.0; time.len()]), 0.0, 20.0) < 1e-12);
     }
 }

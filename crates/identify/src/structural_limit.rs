@@ -75,7 +75,7 @@ mod tests {
     use hydroboom_description::schema::KEYS;
 
     #[test]
-    fn every_limit_is_of_keys_that_there_are() {
+    fn every_limit_names_existing_keys() {
         for begins in LIMITS.iter().flat_map(|limit| limit.keys) {
             assert!(KEYS.iter().any(|key| key.path().starts_with(begins)), "{begins}");
         }
@@ -83,7 +83,7 @@ mod tests {
 
     /// Whether the base is flexible or not, only the product of E and I is observable.
     #[test]
-    fn a_base_that_gives_does_not_part_e_from_the_second_moment() {
+    fn a_flexible_base_does_not_separate_e_from_the_second_moment() {
         for base in [0.0, 2e7] {
             let mut model = Description::uia_single_boom().unwrap();
             model.numbers.base_stiffness = base;

@@ -92,7 +92,7 @@ mod tests {
     /// A period of five samples. With every other second missing and the rest joined, its phase would jump
     /// and it would seem white.
     #[test]
-    fn a_swing_is_not_white_though_half_of_it_is_missing() {
+    fn an_oscillation_is_not_white_though_half_of_it_is_missing() {
         let swing = |k: usize| (std::f64::consts::TAU * k as f64 / 5.03).sin() + 0.1 * white(k);
         let measured = |k: &usize| (k / 53).is_multiple_of(2);
         let errors: Vec<Option<f64>> =

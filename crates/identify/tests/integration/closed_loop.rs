@@ -61,7 +61,7 @@ fn drive(model: &Description) -> Vec<Free> {
 }
 
 #[test]
-fn a_log_of_the_benchmark_and_one_of_the_scheduled_lqr_tell_payload_and_drive() {
+fn a_log_of_the_benchmark_and_one_of_the_scheduled_lqr_determine_payload_and_drive() {
     let (model, truth) = (model(), machine());
     let paths = ["payload.mass_kg", "friction.coulomb_n", "friction.viscous_ns_per_m"];
     let mut free: Vec<Free> = paths.iter().map(|path| Free::from_path(path).unwrap()).collect();
@@ -97,7 +97,7 @@ fn a_log_of_the_benchmark_and_one_of_the_scheduled_lqr_tell_payload_and_drive() 
 }
 
 #[test]
-fn slopes_of_the_motor_speed_are_what_a_little_more_of_each_key_does() {
+fn sensitivities_of_the_motor_speed_are_those_of_finite_differences() {
     let (model, log) = (model(), log_of(Strategy::BenchmarkClosedLoop));
     let keys = drive(&model);
     let (_, slopes) = sensitivities(&model, &log, &keys).unwrap();

@@ -5,7 +5,7 @@ use crate::made::draws::{Course, KEYS, coverage};
 /// The intervals of keys that are neither open nor biased have their stated coverage. Ten draws of a
 /// brief motion here; the example `interval_coverage` runs a hundred of the crane file's motion.
 #[test]
-fn intervals_on_virtual_cranes_hold_the_truth_or_the_key_is_called_biased() {
+fn intervals_on_virtual_cranes_contain_the_truth_or_the_key_is_marked_biased() {
     let rows = coverage(2029, 0..10, Course::Brief);
     let mut told = 0;
     for (key, row) in KEYS.iter().zip(&rows) {

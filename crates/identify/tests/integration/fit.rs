@@ -28,7 +28,7 @@ fn tuned(model: &Description, truth: &Description, seed: u64) -> Fit {
 }
 
 #[test]
-fn a_model_that_is_wrong_finds_back_to_the_truth() {
+fn a_fit_of_a_wrong_model_converges_to_the_truth() {
     let truth = Description::uia_single_boom().unwrap();
     let mut model = truth.clone();
     for (path, factor) in [
@@ -65,7 +65,7 @@ fn a_model_that_is_wrong_finds_back_to_the_truth() {
 }
 
 #[test]
-fn a_search_turns_back_from_a_crane_that_cannot_be() {
+fn a_fit_rejects_steps_to_an_impossible_crane() {
     let truth = Description::uia_single_boom().unwrap();
     let mut experiment = log_of(&brief(&truth), 1.0, 11);
     // a threefold position forces the geometry to where cylinder and boom do not meet
@@ -91,7 +91,7 @@ fn a_search_turns_back_from_a_crane_that_cannot_be() {
 }
 
 #[test]
-fn what_a_log_cannot_tell_is_said() {
+fn a_key_without_effect_on_the_log_is_not_determined() {
     let truth = Description::uia_single_boom().unwrap();
     let experiment = log_of(&brief(&truth), 1.0, 3);
     // an accumulator at rest, and a friction that changes within 1 mm/s
@@ -116,8 +116,7 @@ fn what_a_log_cannot_tell_is_said() {
 
 /// With white residuals and an informative log, the profile equals the parabola of the interval.
 #[test]
-fn a_profile_is_the_parabola_of_the_interval_where_the_log_tells_much_and_open_where_it_tells_nothing()
- {
+fn a_profile_is_quadratic_for_a_determined_key_and_open_for_an_undetermined_one() {
     let truth = Description::uia_single_boom().unwrap();
     let experiment = log_of(&brief(&truth), 1.0, 21);
     let paths =
@@ -147,7 +146,7 @@ fn a_profile_is_the_parabola_of_the_interval_where_the_log_tells_much_and_open_w
 }
 
 #[test]
-fn a_key_that_is_none_is_refused_with_what_may_be_meant() {
+fn an_unknown_key_is_refused_with_a_suggestion() {
     let said = |path: &str| Free::from_path(path).unwrap_err().to_string();
     assert!(said("boom.young").contains("boom.youngs_modulus_gpa"), "{}", said("boom.young"));
     assert!(said("boomm.mass").contains("boom.mass_kg"), "{}", said("boomm.mass"));
@@ -157,7 +156,7 @@ fn a_key_that_is_none_is_refused_with_what_may_be_meant() {
 
 /// The 95 % intervals have their stated coverage. `HYDROBOOM_SEEDS=100` runs a hundred logs.
 #[test]
-fn intervals_hold_the_truth_as_often_as_they_say() {
+fn intervals_have_their_stated_coverage() {
     let seeds: u64 =
         std::env::var("HYDROBOOM_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(6);
     let truth = Description::uia_single_boom().unwrap();

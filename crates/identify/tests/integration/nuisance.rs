@@ -42,7 +42,7 @@ fn holds_truth(found: &Fit) -> Vec<bool> {
 /// If the delay were fixed at zero, a position delayed by 20 ms would give a payload of 145 kg instead of
 /// 307 kg.
 #[test]
-fn a_position_that_is_late_moves_its_delay_and_no_key() {
+fn a_delayed_position_changes_its_delay_and_no_key() {
     for late in [20e-3, 4e-3] {
         let channels = [(Signal::Stroke, late, 0.0)];
         let found = tuned(&channels, &[]);
@@ -56,7 +56,7 @@ fn a_position_that_is_late_moves_its_delay_and_no_key() {
         let seen = rms(&found.on_another_log(&other).unwrap());
         let plain = rms(&predict(&found.description, &other).unwrap());
         assert!(seen < 0.5 * plain, "{seen} m for {plain}");
-        // without it the same is left out either way: one search shows that
+        // the same holds for both delays, so one fit without the delay is enough
         if late < 10e-3 {
             continue;
         }
@@ -90,7 +90,7 @@ fn a_log_of_simulate_itself_holds_its_own_truth() {
 }
 
 #[test]
-fn a_position_that_reads_too_much_moves_the_start_with_it() {
+fn an_offset_of_the_position_shifts_its_initial_value() {
     let channels = [(Signal::Stroke, 0.0, 3e-3), (Signal::PressureA, 0.0, 0.0)];
     let found = tuned(&channels, &[]);
     assert_eq!(holds_truth(&found), [true; 3]);

@@ -24,7 +24,7 @@ fn a_log_made_by_the_model_is_predicted_to_its_rounding() {
 /// The input of a step is the logged motor speed at mid-step; its initial value would delay the model by
 /// 0.25 ms.
 #[test]
-fn a_log_made_by_the_model_is_not_late() {
+fn a_log_of_the_model_itself_has_no_delay() {
     let model = Description::uia_single_boom().unwrap();
     let (log, signals) = clean(&model);
     let experiment = Experiment::new(&model, &log, &signals, Window::default()).unwrap();
@@ -36,7 +36,7 @@ fn a_log_made_by_the_model_is_not_late() {
 }
 
 #[test]
-fn slopes_are_those_of_finite_differences() {
+fn sensitivities_are_those_of_finite_differences() {
     let model = Description::uia_single_boom().unwrap();
     let experiment = log_of(&brief(&model), 0.0, 1);
     let free = Free::usual(&model);
@@ -78,7 +78,7 @@ fn slopes_are_those_of_finite_differences() {
 }
 
 #[test]
-fn what_is_wrong_with_a_model_is_among_the_remedies() {
+fn a_wrong_key_is_among_the_remedies() {
     let truth = Description::uia_single_boom().unwrap();
     for key in ["payload.mass_kg", "pump.flow_gain"] {
         let wrong = with(&truth, key, 0.95);
@@ -117,7 +117,7 @@ fn a_frequency_that_is_off_names_keys_that_move_the_frequency() {
 
 /// A large error is found in full size, beyond the linear step.
 #[test]
-fn a_load_that_is_a_third_is_found_a_third() {
+fn a_payload_of_a_third_is_estimated_as_a_third() {
     let model = Description::uia_single_boom().unwrap();
     let light = with(&model, "payload.mass_kg", 0.3);
     let experiment = commanded(&light, &POSITION_AND_PRESSURE, 1);
@@ -136,7 +136,7 @@ fn a_model_beside_its_own_log_has_no_remedies() {
 /// Model and log are compared every 5 ms at any interval of the log; the noise is that of the log's own
 /// samples.
 #[test]
-fn white_noise_is_found_as_large_as_it_is_at_any_sampling_rate() {
+fn the_noise_estimate_is_unbiased_at_any_sampling_rate() {
     let model = Description::uia_single_boom().unwrap();
     let (log, signals) = clean(&model);
     for (every, rate) in [(1, 1000), (5, 200), (10, 100), (20, 50)] {
