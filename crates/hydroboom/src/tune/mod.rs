@@ -22,7 +22,7 @@ use hydroboom_identify::{
     Nuisance, Profile, Task, Tuned, differences, experiment_for, fit, held_out, predict, verdict,
 };
 use hydroboom_lab::crane_file_text::{FoundValue, write_value};
-use hydroboom_measurement::{Signal, Signals, digest, digest_of};
+use hydroboom_measurement::{Signals, digest, digest_of};
 use indicatif::ProgressBar;
 use journal::Journal;
 use miette::{IntoDiagnostic, Result, miette};
@@ -138,7 +138,10 @@ impl Tune {
         };
         let kept = self.journal(&digests, &free)?;
         let found = self.search(asked, &rest, &stop, kept.as_ref(), "")?;
-        notes.extend(found.improvements.iter().flat_map(worsened));
+        let mut after = experiments.iter().zip(&found.predictions.1);
+        let is_right =
+            after.all(|(e, shown)| verdict(&differences(e, shown)).iter().all(Judgement::is_right));
+        notes.extend((!is_right && self.generations == 0).then(|| LOCAL_SEARCH.into()));
         notes.extend(channels::at_limit(&found.channels));
         if !self.hold_out.in_turn {
             for stretch in &self.hold_out.hold_out {
@@ -535,28 +538,10 @@ fn open(found: &Fit) -> impl Iterator<Item = (&Tuned, String)> {
     all.filter_map(|t| Some((t, t.determination.reason()?)))
 }
 
-/// Signals with a larger difference than before the search, which indicates a local minimum.
-fn worsened(log: &Improvement) -> Vec<String> {
-    let of = |(signal, rms): (&Signal, &Option<(f64, f64)>)| {
-        let (before, after) = (*rms)?;
-        let (unit, size) = signal.shown();
-        (after > WORSENED * before).then(|| {
-            format!(
-                "{}: {} differs by more than before the search ({:.3} to {:.3} {unit} RMS): it may have ended in a local minimum; --generations 20 searches \
-                 wider, --set begins elsewhere, near what `hydroboom validate` suggests",
-                log.log,
-                signal.symbol(),
-                before / size,
-                after / size
-            )
-        })
-    };
-    COMPARED.iter().zip(&log.rms).filter_map(of).collect()
-}
-
-/// Ratio of RMS differences above which a signal counts as worsened; smaller ones are traded for other
-/// signals.
-const WORSENED: f64 = 1.05;
+/// Remark on a search from one set of initial values whose model is not right.
+const LOCAL_SEARCH: &str = "the tuned model is not right, and the search was a local one. It may have ended in a \
+    local minimum; then the reasons given for keys do not hold. --generations 20 searches wider; --set begins \
+    elsewhere, near the values that `hydroboom validate` suggests";
 
 /// Number with five significant digits.
 struct Shown(f64);

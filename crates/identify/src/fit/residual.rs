@@ -1,6 +1,7 @@
 //! Residuals of log and model, their standard deviations, and Huber's loss.
 
 use crate::experiment::{COMPARED, CRANE, Experiment};
+use crate::limits::LIMITS;
 use crate::prediction::Prediction;
 use crate::whiteness::autocovariance;
 
@@ -13,6 +14,15 @@ fn smallest_deviation(signal: usize) -> f64 {
         _ => 1e3,
     }
 }
+/// Standard deviation of a signal that is known before any residual: the error of a typical transducer.
+fn transducer_deviation(signal: usize) -> f64 {
+    match signal {
+        0 => LIMITS.least_position,
+        CRANE => smallest_deviation(signal),
+        _ => LIMITS.least_pressure,
+    }
+}
+
 /// Tuning constant of Huber's loss, in standard deviations \[-\]: larger residuals count linearly (Huber,
 /// Robust estimation of a location parameter, Ann. Math. Stat. 35, 1964, 73-101).
 const HUBER_CONSTANT: f64 = 3.0;
@@ -36,14 +46,17 @@ pub(super) fn residuals(
 /// Weighting of a log's residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Weighting {
-    /// Samples count as independent: far from the minimum, the residuals' correlation is not that of the
-    /// minimum.
+    /// First stage. Samples count as independent: far from the minimum, the residuals' correlation is not that
+    /// of the minimum. No signal has a smaller deviation than its transducer's error: the small residuals of
+    /// one signal would hide the large ones of another.
     Independent,
     /// Correlated samples count as fewer independent ones; for predictions close to the minimum.
     Correlated,
 }
 
 /// Standard deviations of each log's residuals: the larger of sensor noise and RMS residual of each signal.
+/// Weights of two stages (feasible generalised least squares: Greene, Econometric Analysis, 8th ed. 2018,
+/// section 9.4).
 ///
 /// With [`Weighting::Correlated`] they are scaled by the root of the correlation time. Otherwise correlated
 /// residuals, which are model errors, would outweigh the prior of keys and channels. This is a likelihood
@@ -59,11 +72,13 @@ pub(super) fn deviations(
             let errors = residuals(experiment, prediction, signal);
             let square = errors.iter().map(|e| e.1 * e.1).sum::<f64>();
             let rms = (square / errors.len().max(1) as f64).sqrt();
-            let correlation = match weighting {
-                Weighting::Independent => 1.0,
-                Weighting::Correlated => correlation_time(&on_sample_grid(experiment, &errors)),
-            };
-            noise_deviation(experiment, signal).max(rms) * correlation.sqrt()
+            let deviation = noise_deviation(experiment, signal).max(rms);
+            match weighting {
+                Weighting::Independent => deviation.max(transducer_deviation(signal)),
+                Weighting::Correlated => {
+                    deviation * correlation_time(&on_sample_grid(experiment, &errors)).sqrt()
+                }
+            }
         })
     };
     experiments.iter().zip(predictions).map(of).collect()
