@@ -603,7 +603,7 @@ fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     for (from, to) in [
         ("segments           = 10", "segments = 3"),
         ("value = 250.0, provenance = \"derived\"", "value = 1000.0, provenance = \"derived\""),
-        ("end_mm    = { value = 450.0", "end_mm    = { value = 200.0"),
+        ("end_mm    = { value = 450.0", "end_mm    = { value = 300.0"),
         ("ramp_s    = { value = 1.0", "ramp_s    = { value = 0.5"),
         ("dwell_s   = { value = 5.0", "dwell_s   = { value = 0.5"),
         ("rest_s    = { value = 2.1609", "rest_s    = { value = 0.5"),

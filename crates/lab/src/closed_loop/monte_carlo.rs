@@ -534,7 +534,8 @@ mod tests {
         let model = Description::uia_single_boom().unwrap();
         let mut nominal = Description::uia_virtual().unwrap();
         let n = &mut nominal.numbers;
-        (n.motion_end, n.dwell, n.rest) = (n.motion_start + 0.1, 0.5, 0.5);
+        (n.motion_end, n.ramp) = (n.motion_start + 0.1, 0.4);
+        (n.dwell, n.rest) = (0.5, 0.5);
         let controllers = [ControllerChoice::Strategy(Strategy::BenchmarkClosedLoop)];
         let courses = [1, 2, 3].map(|_| CourseChoice::Motion(nominal.numbers.fast));
         let cranes = members(&nominal, (3 * WIDTH as u64, 1), false).unwrap();

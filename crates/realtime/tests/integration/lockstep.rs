@@ -113,7 +113,8 @@ fn strategies_change_without_a_bump() {
     let mut changes = BTreeSet::new();
     for w in records.windows(2) {
         let (Some(before), Some(now)) = (w[0].course_time, w[1].course_time) else { continue };
-        if now < from || place(now) > sequence.len() {
+        let is_about_a_change = (now - from).rem_euclid(every) < 0.05;
+        if now < from || place(now) >= sequence.len() || !is_about_a_change {
             continue;
         }
         let step = w[1].decision.command.motor_speed - w[0].decision.command.motor_speed;
