@@ -312,25 +312,25 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     }
     let predictions = layout.predictions(parameters.as_slice())?;
     let mut sigma = deviations(task.experiments, &predictions, Weighting::Independent);
-    // second stage, with long integration steps. Far from the minimum, delays and offsets of channels cause
-    // local minima: without them the cost may become smaller despite fewer parameters
+    let accuracy = deviations(task.experiments, &predictions, Weighting::Transducers);
+    // second stage, with long integration steps, from the same place twice. Far from the minimum, delays and
+    // offsets of channels cause local minima, and so do small residuals of one signal beside large ones of
+    // another: without them the cost may become smaller despite fewer parameters
     let first = Layout { experiments: &coarse, ..layout };
-    let mut stages = vec![first];
-    if (0..coarse.len()).any(|log| layout.nuisances(log).next().is_some()) {
-        stages.push(Layout { fixed: &all, ..first });
-    }
     let mut least = f64::INFINITY;
     let initial = parameters;
     parameters = initial.clone();
-    for stage in stages {
-        let function = SampleResiduals::new(stage.experiments, &sigma);
+    for (stage, weights) in [(first, &sigma), (Layout { fixed: &all, ..first }, &accuracy)] {
+        let function = SampleResiduals::new(stage.experiments, weights);
         let (found, _) =
             solve(LeastSquares::new(stage, function, &prior, initial.clone(), &monitor))?;
-        let residuals =
-            found.residual_vector(&found.parameters).unwrap_or_else(|| vec![f64::INFINITY]);
+        let at = found.parameters;
+        let function = SampleResiduals::new(first.experiments, &sigma);
+        let problem = LeastSquares::new(first, function, &prior, at.clone(), &monitor);
+        let residuals = problem.residual_vector(&at).unwrap_or_else(|| vec![f64::INFINITY]);
         let cost: f64 = residuals.iter().map(|residual| residual * residual).sum();
         if cost < least {
-            (parameters, least) = (found.parameters, cost);
+            (parameters, least) = (at, cost);
         }
     }
     // third stage: residuals weighted by their power and correlation after the second

@@ -46,17 +46,16 @@ pub(super) fn residuals(
 /// Weighting of a log's residuals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Weighting {
-    /// First stage. Samples count as independent: far from the minimum, the residuals' correlation is not that
-    /// of the minimum. No signal has a smaller deviation than its transducer's error: the small residuals of
-    /// one signal would hide the large ones of another.
+    /// Samples count as independent: far from the minimum, the residuals' correlation is not that of the
+    /// minimum.
     Independent,
+    /// The same, and no signal has a smaller deviation than its transducer's error.
+    Transducers,
     /// Correlated samples count as fewer independent ones; for predictions close to the minimum.
     Correlated,
 }
 
 /// Standard deviations of each log's residuals: the larger of sensor noise and RMS residual of each signal.
-/// Weights of two stages (feasible generalised least squares: Greene, Econometric Analysis, 8th ed. 2018,
-/// section 9.4).
 ///
 /// With [`Weighting::Correlated`] they are scaled by the root of the correlation time. Otherwise correlated
 /// residuals, which are model errors, would outweigh the prior of keys and channels. This is a likelihood
@@ -74,7 +73,8 @@ pub(super) fn deviations(
             let rms = (square / errors.len().max(1) as f64).sqrt();
             let deviation = noise_deviation(experiment, signal).max(rms);
             match weighting {
-                Weighting::Independent => deviation.max(transducer_deviation(signal)),
+                Weighting::Independent => deviation,
+                Weighting::Transducers => deviation.max(transducer_deviation(signal)),
                 Weighting::Correlated => {
                     deviation * correlation_time(&on_sample_grid(experiment, &errors)).sqrt()
                 }
