@@ -519,7 +519,7 @@ impl Uncertainty {
     }
 
     /// Standard deviations of a free parameter without its own prior.
-    pub(super) fn from_logs(&self, index: usize) -> FromLogs {
+    pub(super) fn by_logs_alone(&self, index: usize) -> FromLogs {
         let mut prior_precision = self.prior_precision.clone();
         // nearly no prior, so that the matrix stays invertible if the logs do not determine the parameter
         prior_precision[index] *= 1e-9;
@@ -810,7 +810,7 @@ mod tests {
             free_count: 1,
         };
         let uncertainty = Uncertainty::new(information, [0.1].into_iter());
-        for deviation in [uncertainty.deviation(0), uncertainty.from_logs(0).deviation] {
+        for deviation in [uncertainty.deviation(0), uncertainty.by_logs_alone(0).deviation] {
             assert!((deviation - 1e-3_f64.hypot(1e-2)).abs() < 2e-4, "{deviation}");
         }
     }
@@ -826,7 +826,7 @@ mod tests {
         };
         let uncertainty = Uncertainty::new(information, [0.1].into_iter());
         assert_eq!(uncertainty.deviation(0), f64::INFINITY);
-        assert_eq!(uncertainty.from_logs(0).deviation, f64::INFINITY);
+        assert_eq!(uncertainty.by_logs_alone(0).deviation, f64::INFINITY);
         assert_eq!(uncertainty.correlation(1), [[1.0]]);
     }
 }

@@ -413,7 +413,7 @@ fn key_results(
         .collect();
     let of = |(k, key): (usize, &Free)| {
         let (own, deviation) = (prior.deviation[k], uncertainty.deviation(k));
-        let from_logs = uncertainty.from_logs(k);
+        let from_logs = uncertainty.by_logs_alone(k);
         let found = Tuned {
             key: *key,
             value: (prior.mean[k].exp(), parameters[k].exp()),

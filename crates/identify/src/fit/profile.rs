@@ -56,7 +56,7 @@ pub fn profile(
     let index = index.ok_or_else(|| IdentifyError::NotFree { key: key.path() })?;
     let Minimum { parameters, deviations, uncertainty } = &found.minimum;
     let prior = task.prior().deviation[index];
-    let from_logs = uncertainty.from_logs(index);
+    let from_logs = uncertainty.by_logs_alone(index);
     // variance inflation by the correlation of the residuals
     let inflation = match from_logs.others_exact.is_finite() {
         true => (from_logs.others_exact / from_logs.white).powi(2).max(1.0),
