@@ -10,6 +10,8 @@
 //! cargo run --release -p hydroboom-identify --example interval_coverage -- 2031 0 100
 //! ```
 
+#![expect(clippy::unwrap_used, reason = "an example that cannot set up has failed")]
+
 #[path = "../tests/integration/made/draws.rs"]
 mod draws;
 
