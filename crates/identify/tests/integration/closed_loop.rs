@@ -61,39 +61,38 @@ fn drive(model: &Description) -> Vec<Free> {
 }
 
 #[test]
-fn a_log_of_the_benchmark_and_one_of_the_scheduled_lqr_determine_payload_and_drive() {
+fn a_log_of_the_scheduled_lqr_determines_payload_and_drive() {
     let (model, truth) = (model(), machine());
     let paths = ["payload.mass_kg", "friction.coulomb_n", "friction.viscous_ns_per_m"];
     let mut free: Vec<Free> = paths.iter().map(|path| Free::from_path(path).unwrap()).collect();
     free.extend(drive(&model));
-    for strategy in [Strategy::BenchmarkClosedLoop, Strategy::ScheduledLqr] {
-        let task = Task {
-            model: &model,
-            experiments: &[log_of(strategy)],
-            free: &free,
-            fixed: &[],
-            resume: None,
-            generations: 0,
-        };
-        let found = fit(&task, &|_| true).unwrap();
-        let payload = &found.tuned[0];
-        let (low, high) = payload.interval();
-        assert!((low..=high).contains(&truth.numbers.payload), "{strategy:?}: {low} to {high} kg");
-        let is_near = (payload.value.1 / truth.numbers.payload - 1.0).abs();
-        assert!(is_near < 0.06, "{strategy:?}: {} kg", payload.value.1);
-        // the sum of lag and dead time is determined best
-        let lag = |n: &Numbers<f64>| n.drive_damping / (0.5 * TAU * n.drive_bandwidth);
-        let [is, of] = [found.description.numbers, truth.numbers];
-        for (is, of) in [
-            (is.drive_bandwidth, of.drive_bandwidth),
-            (is.drive_dead_time + lag(&is), of.drive_dead_time + lag(&of)),
-        ] {
-            assert!((is / of - 1.0).abs() < 0.03, "{strategy:?}: {is} for {of}");
-        }
-        let motor = COMPARED.iter().position(|signal| *signal == Signal::MotorSpeed).unwrap();
-        let (before, after) = found.improvements[0].rms[motor].unwrap();
-        assert!(after < 0.1 * before, "{strategy:?}: {before}, then {after} rev/s");
+    let strategy = Strategy::ScheduledLqr;
+    let task = Task {
+        model: &model,
+        experiments: &[log_of(strategy)],
+        free: &free,
+        fixed: &[],
+        resume: None,
+        generations: 0,
+    };
+    let found = fit(&task, &|_| true).unwrap();
+    let payload = &found.tuned[0];
+    let (low, high) = payload.interval();
+    assert!((low..=high).contains(&truth.numbers.payload), "{strategy:?}: {low} to {high} kg");
+    let is_near = (payload.value.1 / truth.numbers.payload - 1.0).abs();
+    assert!(is_near < 0.06, "{strategy:?}: {} kg", payload.value.1);
+    // the sum of lag and dead time is determined best
+    let lag = |n: &Numbers<f64>| n.drive_damping / (0.5 * TAU * n.drive_bandwidth);
+    let [is, of] = [found.description.numbers, truth.numbers];
+    for (is, of) in [
+        (is.drive_bandwidth, of.drive_bandwidth),
+        (is.drive_dead_time + lag(&is), of.drive_dead_time + lag(&of)),
+    ] {
+        assert!((is / of - 1.0).abs() < 0.03, "{strategy:?}: {is} for {of}");
     }
+    let motor = COMPARED.iter().position(|signal| *signal == Signal::MotorSpeed).unwrap();
+    let (before, after) = found.improvements[0].rms[motor].unwrap();
+    assert!(after < 0.1 * before, "{strategy:?}: {before}, then {after} rev/s");
 }
 
 #[test]

@@ -158,7 +158,7 @@ fn an_unknown_key_is_refused_with_a_suggestion() {
 #[test]
 fn intervals_have_their_stated_coverage() {
     let seeds: u64 =
-        std::env::var("HYDROBOOM_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(6);
+        std::env::var("HYDROBOOM_SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(4);
     let truth = Description::uia_single_boom().unwrap();
     let mut held = [0_u64; KEYS.len()];
     for seed in 1..=seeds {
