@@ -6,8 +6,9 @@
 //! logged. The paper's crane, with friction that holds at rest, is tuned to the log as by `hydroboom tune`.
 //!
 //! ```sh
-//! # seed, first crane, crane after the last
+//! # seed, first crane, crane after the last; `brief` for half the stroke and rests of a second, as in the tests
 //! cargo run --release -p hydroboom-identify --example interval_coverage -- 2031 0 100
+//! cargo run --release -p hydroboom-identify --example interval_coverage -- 2031 0 100 brief
 //! ```
 
 #![expect(clippy::unwrap_used, reason = "an example that cannot set up has failed")]
@@ -20,10 +21,14 @@ use draws::{Course, KEYS, coverage};
 fn main() {
     let arguments: Vec<u64> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
     let [seed, from, to] = arguments[..] else {
-        eprintln!("interval_coverage SEED FROM TO");
+        eprintln!("interval_coverage SEED FROM TO [brief]");
         std::process::exit(2);
     };
-    let rows = coverage(seed, from..to, Course::OfFile);
+    let course = match std::env::args().any(|argument| argument == "brief") {
+        true => Course::Brief,
+        false => Course::OfFile,
+    };
+    let rows = coverage(seed, from..to, course);
     println!(
         "| key | determined: holds the truth | not determined: holds | called biased: holds | mean deviation | why biased |"
     );

@@ -43,7 +43,6 @@ pub enum Course {
     #[allow(dead_code, reason = "of the example")]
     OfFile,
     /// Half of its stroke, with rests of one second, of which a log learns little.
-    #[allow(dead_code, reason = "of the test")]
     Brief,
 }
 
