@@ -81,8 +81,17 @@ const OVERRIDES: &str = "set";
 
 /// Checks a number for a key; returns message and remedy if it is not allowed.
 fn number_problem(key: &Key, value: f64) -> Option<(String, String)> {
-    if value.is_finite() && (key.low..=key.high).contains(&value) {
+    let is_fraction = key.is_whole && value.fract() != 0.0;
+    if value.is_finite() && (key.low..=key.high).contains(&value) && !is_fraction {
         return None;
+    }
+    if key.is_whole {
+        let (path, low, high) = (key.path(), key.low, key.high);
+        let help = format!("{path} is a whole number from {low} to {high}: {}", key.meaning);
+        return Some((
+            format!("`{path}` is a whole number from {low} to {high}, not {value}"),
+            help,
+        ));
     }
     let range = format!("{} is {} to {} {}", key.path(), key.low, key.high, key.unit);
     let hint = mistaken_units(key.unit)

@@ -11,6 +11,8 @@ pub struct Key {
     pub unit: &'static str,
     /// Size of the unit in SI units.
     pub factor: f64,
+    /// Whether only whole numbers are allowed: a count.
+    pub is_whole: bool,
     /// Smallest allowed value, in this unit.
     pub low: f64,
     /// Largest allowed value, in this unit.
@@ -48,15 +50,15 @@ macro_rules! keys {
     (
         machine {
             $( $field:ident: $section:literal $name:literal [$unit:literal = $factor:expr]
-                $low:literal ..= $high:literal $(or $absent:literal)?, $meaning:literal; )+
+                $($whole:ident)? $low:literal ..= $high:literal $(or $absent:literal)?, $meaning:literal; )+
         }
         tuning {
             $( $t_field:ident: $t_section:literal $t_name:literal [$t_unit:literal = $t_factor:expr]
-                $t_low:literal ..= $t_high:literal or $t_absent:literal, $t_meaning:literal; )+
+                $($t_whole:ident)? $t_low:literal ..= $t_high:literal or $t_absent:literal, $t_meaning:literal; )+
         }
         motion_and_equipment {
             $( $m_field:ident: $m_section:literal $m_name:literal [$m_unit:literal = $m_factor:expr]
-                $m_low:literal ..= $m_high:literal $(or $m_absent:literal)?, $m_meaning:literal; )+
+                $($m_whole:ident)? $m_low:literal ..= $m_high:literal $(or $m_absent:literal)?, $m_meaning:literal; )+
         }
     ) => {
         /// Values of all numeric keys.
@@ -78,9 +80,9 @@ macro_rules! keys {
 
         /// Every numeric key, in the order of the file.
         pub const KEYS: [Key; [$($low,)+ $($t_low,)+ $($m_low),+].len()] = [
-            $( key!($section $name $unit $factor, $low $high ($($absent)?) $meaning), )+
-            $( key!($t_section $t_name $t_unit $t_factor, $t_low $t_high ($t_absent) $t_meaning), )+
-            $( key!($m_section $m_name $m_unit $m_factor, $m_low $m_high ($($m_absent)?) $m_meaning) ),+
+            $( key!($section $name $unit $factor, ($($whole)?) $low $high ($($absent)?) $meaning), )+
+            $( key!($t_section $t_name $t_unit $t_factor, ($($t_whole)?) $t_low $t_high ($t_absent) $t_meaning), )+
+            $( key!($m_section $m_name $m_unit $m_factor, ($($m_whole)?) $m_low $m_high ($($m_absent)?) $m_meaning) ),+
         ];
 
         impl<T: Copy> Numbers<T> {
@@ -100,17 +102,28 @@ macro_rules! keys {
 }
 
 macro_rules! key {
-    ($section:literal $name:literal $unit:literal $factor:expr, $low:literal $high:literal ($($absent:literal)?) $meaning:literal) => {
+    ($section:literal $name:literal $unit:literal $factor:expr, ($($whole:ident)?) $low:literal $high:literal ($($absent:literal)?) $meaning:literal) => {
         Key {
             section: $section,
             name: $name,
             unit: $unit,
             factor: $factor,
+            is_whole: is_whole!($($whole)?),
             low: $low,
             high: $high,
             absent: absent!($($absent)?),
             meaning: $meaning,
         }
+    };
+}
+
+/// `whole` before a key's limits allows whole numbers only.
+macro_rules! is_whole {
+    () => {
+        false
+    };
+    (whole) => {
+        true
     };
 }
 
@@ -325,8 +338,8 @@ motion_and_equipment {
     learning_change: "learning" "change_weight_mm_s_per_rev" ["mm s/rev" = MM] 0.0..=100.0 or 0.1, "Weight of the correction's change, rho, as the position error that a change of 1 rev/s is worth; the larger, the slower and the more robust; estimate";
     learning_size: "learning" "size_weight_mm_s_per_rev" ["mm s/rev" = MM] 1e-4..=100.0 or 0.05, "Weight of the correction itself, mu, as the position error that 1 rev/s is worth: it bounds what the error hardly shows; estimate";
     learning_average: "learning" "average_ms" ["ms" = MS] 0.0..=1000.0 or 25.0, "Half the length of the moving average over the measured error, against the position sensor's noise: -3 dB at 0.22 over it, 8.9 Hz";
-    learning_cycles: "learning" "cycles" ["-" = 1.0] 1.0..=100.0 or 10.0, "Cycles of learning; of a machine that repeats itself the error has settled after three";
-    learning_corners: "learning" "corner_points" ["-" = 1.0] 1.0..=11.0 or 2.0, "Points in each of the ranges of payload and of the oil's transition pressure at which convergence is required, each with each: 2 are the ends of the ranges, 1 is the model alone";
+    learning_cycles: "learning" "cycles" ["-" = 1.0] whole 1.0..=100.0 or 10.0, "Cycles of learning; of a machine that repeats itself the error has settled after three";
+    learning_corners: "learning" "corner_points" ["-" = 1.0] whole 1.0..=11.0 or 2.0, "Points in each of the ranges of payload and of the oil's transition pressure at which convergence is required, each with each: 2 are the ends of the ranges, 1 is the model alone";
 
     // effects of real cranes beyond the published model: a key that is left out switches its effect off
     base_stiffness: "base" "stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.0..=1e7 or 0.0, "Stiffness of the base frame against turning; 0 is rigid";
@@ -339,7 +352,7 @@ motion_and_equipment {
     torque_loss: "pump" "torque_loss_nm" ["N m" = 1.0] 0.0..=1e4 or 0.0, "Torque lost at any speed";
     torque_loss_share: "pump" "torque_loss_percent" ["%" = PERCENT] 0.0..=100.0 or 0.0, "Torque lost, as a share of the hydraulic torque";
     torque_loss_speed: "pump" "torque_loss_nm_per_1000rpm" ["N m/1000 rpm" = 1e-3 / RPM] 0.0..=1e3 or 0.0, "Torque lost to viscous drag at the reference temperature";
-    pistons: "pump" "pistons" ["-" = 1.0] 3.0..=31.0 or 9.0, "Number of pistons, which sets the frequency of the ripple";
+    pistons: "pump" "pistons" ["-" = 1.0] whole 3.0..=31.0 or 9.0, "Number of pistons, which sets the frequency of the ripple";
     ripple: "pump" "ripple_percent" ["%" = PERCENT] 0.0..=50.0 or 0.0, "Amplitude of the flow ripple, as a share of the flow";
 
     drive_bandwidth: "drive" "bandwidth_hz" ["Hz" = 1.0] 0.0..=1e4 or 0.0, "Undamped frequency of the servo drive's second-order lag; 0 follows at once";
@@ -368,10 +381,10 @@ motion_and_equipment {
     pressure_span: "sensors" "pressure_span_bar" ["bar" = BAR] 1.0..=1e4 or 250.0, "Span of the pressure transducers";
     pressure_error: "sensors" "pressure_error_percent" ["%" = PERCENT] 0.0..=10.0 or 0.0, "Their constant error: half-width of the range it is drawn from, of span";
     pressure_noise: "sensors" "pressure_noise_percent" ["%" = PERCENT] 0.0..=10.0 or 0.0, "Their noise, RMS, of span";
-    pressure_bits: "sensors" "pressure_bits" ["bit" = 1.0] 0.0..=32.0 or 0.0, "Resolution of their analogue input over the span; 0 is none";
+    pressure_bits: "sensors" "pressure_bits" ["bit" = 1.0] whole 0.0..=32.0 or 0.0, "Resolution of their analogue input over the span; 0 is none";
     sensor_bandwidth: "sensors" "bandwidth_hz" ["Hz" = 1.0] 0.0..=1e5 or 0.0, "Bandwidth of all sensors; 0 is unlimited";
 
-    fieldbus_delay: "fieldbus" "delay_cycles" ["cycles" = 1.0] 0.0..=20.0 or 0.0, "Control cycles from command to drive, and again from sensor to controller";
+    fieldbus_delay: "fieldbus" "delay_cycles" ["cycles" = 1.0] whole 0.0..=20.0 or 0.0, "Control cycles from command to drive, and again from sensor to controller";
 
     spool_neutral: "valve" "neutral_v" ["V" = 1.0] -100.0..=100.0, "Command of the valve's middle position";
     spool_full: "valve" "full_lift_v" ["V" = 1.0] -100.0..=100.0, "Command of full travel to lift";
@@ -420,7 +433,7 @@ motion_and_equipment {
     link_3_angle: "link_3" "joint_angle_deg" ["deg" = DEGREE] -180.0..=180.0, "Its angle against link 2 while the joint carries no load";
 
     virtual_step: "virtual" "step_us" ["us" = 1e-6] 0.0..=5000.0 or 0.0, "Step of the implicit scheme for the virtual crane; 0 takes the published scheme at controller.simulation_period_us";
-    seed: "virtual" "seed" ["-" = 1.0] 0.0..=9e15 or 0.0, "Seed of all that is drawn: noise, and the sensors' constant errors";
+    seed: "virtual" "seed" ["-" = 1.0] whole 0.0..=9e15 or 0.0, "Seed of all that is drawn: noise, and the sensors' constant errors";
 
     supervision_pressure: "supervision" "pressure_bar" ["bar" = BAR] 1.0..=1000.0 or 200.0, "Largest pressure before the machine is stopped";
     supervision_stop: "supervision" "stop_s" ["s" = 1.0] 0.05..=5.0 or 0.4, "Duration of a controlled stop, stop category 1, from full speed";

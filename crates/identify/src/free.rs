@@ -58,6 +58,11 @@ impl Free {
     /// tests and equipment.
     pub fn of_model(path: &str) -> Result<Self, IdentifyError> {
         let free = Self::from_path(path)?;
+        if KEYS[free.place].is_whole {
+            let suggestion =
+                " that is moved: it is a whole number; set it by --set, and compare".into();
+            return Err(IdentifyError::Key { key: free.path(), suggestion });
+        }
         if free.is_of_model() {
             return Ok(free);
         }

@@ -52,6 +52,35 @@ fn a_value_in_the_wrong_unit_is_refused_with_a_hint() {
     assert!(message.contains("3450000 Pa would be 34.5 bar"), "{message}");
 }
 
+/// A count is never rounded: a fraction is refused in files, in their ranges and as an override.
+#[test]
+fn a_count_with_a_fraction_is_refused() {
+    let with = |keys: &str| format!("{UIA_SINGLE_BOOM}\n{keys}\n");
+    let message = refused(&with("[learning]\ncycles = 2.5"));
+    assert!(
+        message.contains("`learning.cycles` is a whole number from 1 to 100, not 2.5"),
+        "{message}"
+    );
+    let message = refused(&with("[fieldbus]\ndelay_cycles = { value = 1, range = [1, 1.5] }"));
+    assert!(message.contains("`fieldbus.delay_cycles` is a whole number"), "{message}");
+    assert!(message.contains("not 1.5"), "{message}");
+    let mut crane = Description::uia_single_boom().unwrap();
+    for key in [
+        "learning.cycles",
+        "learning.corner_points",
+        "fieldbus.delay_cycles",
+        "pump.pistons",
+        "sensors.pressure_bits",
+        "virtual.seed",
+    ] {
+        let error = crane.set(&format!("{key}=3.5")).unwrap_err();
+        assert!(error.problems[0].message.contains("is a whole number"), "{key}: {error:?}");
+        assert_eq!(error.name, format!("--set {key}=3.5"));
+        crane.set(&format!("{key}=7")).unwrap();
+    }
+    assert!(crane.set("learning.cycles=101").is_err());
+}
+
 #[test]
 fn a_problem_points_at_its_place() {
     let text = changed("value = 10.6,", "value = -3,");

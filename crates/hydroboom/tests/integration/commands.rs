@@ -82,6 +82,7 @@ fn keys_that_cannot_be_free_are_told_why() {
     says(&tune("friction.law"), "it is a choice and no number");
     says(&tune("motion.fast_mm_s"), "[motion] is of what is around it");
     says(&tune("controller.proportional_per_s"), "[controller] is of what is around it");
+    says(&tune("pump.pistons"), "it is a whole number");
     says(&tune("payload.mas_kg"), "did you mean payload.mass_kg?");
     says(&tune("mass_kg"), "payload.mass_kg");
     let from = |text: &str| hydroboom(&["validate", "--log", &log, "--from-s", text]);
