@@ -105,9 +105,8 @@ impl Learn {
             bail!("none of {asked} cycles had been run when it was interrupted");
         }
         if self.json {
-            let stable = all.iter().all(|report| report.stable);
             return output::json(&json!({
-                "asked": asked, "learned": all, "stable": stable, "plant": choice.json(),
+                "asked": asked, "learned": all, "stable": stability(&all, asked), "plant": choice.json(),
             }));
         }
         let equality = choice.equality().map_or(String::new(), |said| format!("\n\n{said}"));
@@ -236,6 +235,16 @@ fn told(all: &[CycleReport], asked: usize) -> String {
     }
 }
 
+/// Whether the closed loops of all cycles are stable; none if none is known to be unstable, and some were not
+/// judged.
+fn stability(all: &[CycleReport], asked: usize) -> Option<bool> {
+    let judged = |is: bool| all.iter().filter(|report| report.stable == Some(is)).count();
+    match (judged(false), judged(true)) {
+        (0, stable) => (stable == asked).then_some(true),
+        _ => Some(false),
+    }
+}
+
 /// Number of cycles above which medians are shown.
 const MOST_SHOWN: usize = 4;
 
@@ -280,6 +289,9 @@ fn of_one(report: &CycleReport) -> String {
     }
     if report.is_marked() {
         said += &format!("\n{REMARK_ON_MARK}");
+    }
+    if report.stable.is_none() {
+        said += "\nstability of the closed loop: not judged";
     }
     report.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
     if !report.whole {
@@ -347,4 +359,48 @@ fn medians(all: &[CycleReport]) -> String {
         "{} cycles{of}{more}\n{table}\n\nwhat is identified of each: \"identified\" in --json",
         all.len()
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Report of a cycle whose closed loop alone was run.
+    fn report(stable: Option<bool>) -> CycleReport {
+        let closed_loop = MethodError {
+            method: Method::ClosedLoop,
+            cycles: None,
+            reset: true,
+            rms_true_mm: Some(0.5),
+            rms_measured_mm: Some(0.6),
+        };
+        CycleReport {
+            crane: "one".into(),
+            course: "60 mm/s".into(),
+            whole: stable.is_some(),
+            stable,
+            has_stable_loops: None,
+            sustained_oscillation: None,
+            methods: vec![closed_loop],
+            convergence: None,
+            identified: Vec::new(),
+            proposal: None,
+            remarks: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_stability_that_was_not_judged_is_not_called_unstable() {
+        let said = of_one(&report(None));
+        assert!(said.contains("stability of the closed loop: not judged"), "{said}");
+        assert!(!said.contains("unstable") && !said.contains("(!)"), "{said}");
+        assert!(of_one(&report(Some(false))).contains("(!)"));
+        assert!(!of_one(&report(Some(true))).contains("judged"));
+        assert!(serde_json::to_value(report(None)).unwrap()["stable"].is_null());
+        let [stable, unstable, open] = [Some(true), Some(false), None].map(report);
+        assert_eq!(stability(&[stable.clone(), stable.clone()], 2), Some(true));
+        assert_eq!(stability(&[stable.clone()], 2), None);
+        assert_eq!(stability(&[stable, open.clone()], 2), None);
+        assert_eq!(stability(&[open, unstable], 3), Some(false));
+    }
 }

@@ -85,8 +85,8 @@ pub struct CycleReport {
     /// Whether all methods were run.
     pub whole: bool,
     /// Whether the closed loop came to rest where its reference rested. False for a sustained oscillation,
-    /// and if the cycle could not be run.
-    pub stable: bool,
+    /// and if the cycle could not be run; none if it was not judged.
+    pub stable: Option<bool>,
     /// Whether the linearised loop on the machine is stable over the stroke; none if it cannot be computed.
     pub has_stable_loops: Option<bool>,
     /// Sustained oscillation, if any.
@@ -185,7 +185,7 @@ impl CycleReport {
     /// Whether the closed loop is marked: its loop is unstable, or it was in sustained oscillation or could
     /// not be run.
     pub fn is_marked(&self) -> bool {
-        !self.stable || self.has_stable_loops == Some(false)
+        self.stable == Some(false) || self.has_stable_loops == Some(false)
     }
 
     /// All methods on one machine; none if stopped before the closed-loop cycle was complete.
@@ -199,7 +199,7 @@ impl CycleReport {
             crane: subject.name.into(),
             course: course.name(),
             whole: true,
-            stable: false,
+            stable: None,
             has_stable_loops: None,
             sustained_oscillation: None,
             methods: Vec::new(),
@@ -228,6 +228,12 @@ impl CycleReport {
         let start = course.reference(0.0).position;
         let described = with_drive(model);
         let cycle = unless_stopped(Cycle::run(model, crane, course, stages))?;
+        // judged at once, so that an interruption later on does not leave it open
+        self.sustained_oscillation = cycle
+            .as_ref()
+            .ok()
+            .and_then(|cycle| oscillation(&cycle.errors.measured, cycle.record.period, course));
+        self.stable = Some(cycle.is_ok() && self.sustained_oscillation.is_none());
         self.add(Method::ClosedLoop, true, cycle.as_ref().map(|cycle| &cycle.errors));
         let from_rest = |model: &Description, stroke: f64| {
             let commands = feedforward(model, course, &[], stroke, stages)?;
@@ -236,9 +242,7 @@ impl CycleReport {
         };
         let nominal = unless_stopped(from_rest(&described, start))?.map(|(_, errors)| errors);
         self.add(Method::NominalModel, true, nominal.as_ref());
-        let Ok(Cycle { estimated, record, errors, machine }) = cycle else { return Ok(()) };
-        self.sustained_oscillation = oscillation(&errors.measured, record.period, course);
-        self.stable = self.sustained_oscillation.is_none();
+        let Ok(Cycle { estimated, record, machine, .. }) = cycle else { return Ok(()) };
         let stroke = record.readings.first().map_or(start, |reading| reading.stroke);
         let on_line = unless_stopped(from_rest(&estimated, stroke))?.map(|(_, errors)| errors);
         self.add(Method::OnLineEstimates, true, on_line.as_ref());
