@@ -17,6 +17,7 @@ use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::cycle_learning::experiment::{
     CycleReport, Method, MethodError, learning_experiment,
 };
+use hydroboom_lab::cycle_learning::identified_payload::IdentifiedPayload;
 use hydroboom_lab::cycle_learning::log_learning::{LoggedMachine, identify_log, learn_for};
 use hydroboom_lab::motion_test::{REMARK_ON_MARK, UNSTABLE_MARK};
 use hydroboom_measurement::Signals;
@@ -139,8 +140,10 @@ impl Learn {
         let written: Vec<String> =
             all.iter().filter_map(|report| self.proposed(report, &model)).collect();
         if self.json {
+            let (usable, unusable_because) = usability(&all);
             return output::json(&json!({
                 "asked": courses.len(), "log": path, "identified": machine.identified,
+                "payload": machine.payload, "usable": usable, "unusable_because": unusable_because,
                 "verdict": verdict_text::in_json(&machine.judged), "refused": [], "remarks": machine.remarks,
                 "learned": all, "proposed": written,
             }));
@@ -161,7 +164,9 @@ impl Learn {
         let why = machine.refusals.join("\n");
         match self.json {
             true => output::json(&json!({
-                "identified": machine.identified, "verdict": verdict_text::in_json(&machine.judged),
+                "identified": machine.identified, "payload": machine.payload,
+                "usable": false, "unusable_because": why,
+                "verdict": verdict_text::in_json(&machine.judged),
                 "refused": machine.refusals, "remarks": machine.remarks, "learned": [], "proposed": [],
             }))?,
             false => output::text(&of_log(machine))?,
@@ -217,12 +222,13 @@ fn told(all: &[CycleReport], asked: usize) -> String {
             let one = |(k, report): (usize, &CycleReport)| {
                 // for one log the identified parameters are the same for every speed
                 let again = all[k + 1..].iter().any(|next| next.identified == report.identified);
-                let of = match all.iter().all(|other| other.identified == report.identified) {
+                let same: Vec<&CycleReport> =
+                    all.iter().filter(|other| other.identified == report.identified).collect();
+                let of = match same.len() == all.len() {
                     true => String::new(),
                     false => format!(" from the cycle at {}", report.course.trim()),
                 };
-                let identified =
-                    if again { String::new() } else { overrides(&report.identified, &of) };
+                let identified = if again { String::new() } else { overrides(&same, &of) };
                 format!("{}{identified}", of_one(report))
             };
             all.iter().enumerate().map(one).collect::<Vec<_>>().join("\n\n")
@@ -300,17 +306,46 @@ fn of_one(report: &CycleReport) -> String {
     said
 }
 
-/// Identified parameters as options; `of` names their source.
-fn overrides(identified: &[String], of: &str) -> String {
+/// Identified parameters of cycles that have the same, as options if they may be used; `of` names their source.
+fn overrides(same: &[&CycleReport], of: &str) -> String {
+    let Some(first) = same.first().filter(|first| !first.identified.is_empty()) else {
+        return String::new();
+    };
+    let payload = first.payload.as_ref().map_or(String::new(), payload_text);
+    let refused = same.iter().find_map(|report| Some((report, report.unusable_because.as_ref()?)));
+    if let Some((report, reason)) = refused {
+        return format!(
+            "\n\nidentified{of}, and not to be used as overrides: at {}, {reason} (\"identified\" in --json has the values){payload}",
+            report.course.trim()
+        );
+    }
     let options: Vec<String> =
-        identified.iter().map(|assignment| format!("--set {assignment}")).collect();
+        first.identified.iter().map(|assignment| format!("--set {assignment}")).collect();
     let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
-    match lines.is_empty() {
-        true => String::new(),
-        false => format!(
-            "\n\nidentified{of}, as overrides of the model for any command:\n  {}",
-            lines.join(" \\\n  ")
-        ),
+    format!(
+        "\n\nidentified{of}, as overrides of the model for any command:\n  {}{payload}",
+        lines.join(" \\\n  ")
+    )
+}
+
+/// Text on an identified payload.
+fn payload_text(payload: &IdentifiedPayload) -> String {
+    let interval = match payload.interval_95_kg {
+        Some([low, high]) => format!(", 95 %: {low:.1} to {high:.1} kg"),
+        None => String::new(),
+    };
+    format!(
+        "\nthe payload of {:.1} kg{interval} is the load's moment at the model's lever, payload.x_mm = {:.0}: a load at another lever has another mass",
+        payload.mass_kg, payload.lever_mm
+    )
+}
+
+/// Whether what was identified may be used after all cycles of a log, and the first reason why not.
+fn usability(all: &[CycleReport]) -> (bool, Option<String>) {
+    let refused = all.iter().find_map(|report| report.unusable_because.clone());
+    match all.is_empty() {
+        true => (false, Some("no cycle was run with it".into())),
+        false => (refused.is_none(), refused),
     }
 }
 
@@ -384,6 +419,9 @@ mod tests {
             methods: vec![closed_loop],
             convergence: None,
             identified: Vec::new(),
+            payload: None,
+            usable: false,
+            unusable_because: Some("the machine was not identified".into()),
             proposal: None,
             remarks: Vec::new(),
         }
@@ -399,8 +437,48 @@ mod tests {
         assert!(serde_json::to_value(report(None)).unwrap()["stable"].is_null());
         let [stable, unstable, open] = [Some(true), Some(false), None].map(report);
         assert_eq!(stability(&[stable.clone(), stable.clone()], 2), Some(true));
-        assert_eq!(stability(&[stable.clone()], 2), None);
+        assert_eq!(stability(std::slice::from_ref(&stable), 2), None);
         assert_eq!(stability(&[stable, open.clone()], 2), None);
         assert_eq!(stability(&[open, unstable], 3), Some(false));
+    }
+
+    /// Report of a cycle from which a payload was identified.
+    fn identified(unusable_because: Option<&str>) -> CycleReport {
+        CycleReport {
+            identified: vec!["payload.mass_kg=307.5".into()],
+            payload: Some(IdentifiedPayload {
+                mass_kg: 307.5,
+                lever_mm: 3600.0,
+                interval_95_kg: Some([305.0, 310.0]),
+            }),
+            usable: unusable_because.is_none(),
+            unusable_because: unusable_because.map(String::from),
+            ..report(Some(true))
+        }
+    }
+
+    #[test]
+    fn overrides_are_printed_only_where_they_may_be_used() {
+        let (usable, unusable) = (identified(None), identified(Some("it errs more")));
+        let said = told(std::slice::from_ref(&usable), 1);
+        assert!(said.contains("--set payload.mass_kg=307.5"), "{said}");
+        assert!(said.contains("307.5 kg, 95 %: 305.0 to 310.0 kg"), "{said}");
+        assert!(said.contains("payload.x_mm = 3600"), "{said}");
+        // one cycle with the same parameters is enough to refuse them
+        for all in [vec![unusable.clone()], vec![usable.clone(), unusable.clone()]] {
+            let said = told(&all, all.len());
+            assert!(said.contains("not to be used") && said.contains("it errs more"), "{said}");
+            assert!(!said.contains("--set"), "{said}");
+            assert_eq!(usability(&all), (false, Some("it errs more".into())));
+        }
+        assert_eq!(usability(std::slice::from_ref(&usable)), (true, None));
+        assert!(!usability(&[]).0);
+        let json = serde_json::to_value(&unusable).unwrap();
+        assert_eq!(
+            (&json["usable"], &json["unusable_because"]),
+            (&false.into(), &"it errs more".into())
+        );
+        assert_eq!(json["payload"]["interval_95_kg"][1], 310.0);
+        assert_eq!(told(&[report(Some(true))], 1).matches("identified").count(), 0);
     }
 }

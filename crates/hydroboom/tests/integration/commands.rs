@@ -687,6 +687,8 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let first = &learned["learned"][0];
     assert_eq!(first["crane"], "virtual crane of short");
     keys(first, &["crane", "course", "stable", "methods", "convergence", "identified", "remarks"]);
+    keys(first, &["usable", "unusable_because", "payload"]);
+    assert_eq!(first["usable"].as_bool().unwrap(), first["unusable_because"].is_null(), "{first}");
     let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];
     keys(&first["methods"][0], &method);
     assert_eq!(learned["stable"], true, "{learned}");

@@ -366,6 +366,10 @@ fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     assert!(learned.status.success() && found["refused"].as_array().unwrap().is_empty(), "{found}");
     let identified = found["identified"].to_string();
     assert!(identified.contains("drive.bandwidth_hz="), "{identified}");
+    assert_eq!(found["usable"].as_bool().unwrap(), found["unusable_because"].is_null(), "{found}");
+    let payload = |key: &str| found["payload"][key].clone();
+    let [low, high] = [0, 1].map(|k| payload("interval_95_kg")[k].as_f64().unwrap());
+    assert!((low..=high).contains(&payload("mass_kg").as_f64().unwrap()), "{found}");
     let proposed = found["proposed"].as_array().unwrap();
     assert_eq!(proposed.len(), 1, "{found}");
     let input = proposed[0].as_str().unwrap();
@@ -381,4 +385,5 @@ fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     assert!(found["remarks"].to_string().contains("at its limit of 1500 rpm for"), "{found}");
     assert!(!std::path::Path::new(&none).exists());
     assert!(found["identified"].as_array().unwrap().is_empty(), "{found}");
+    assert_eq!((&found["usable"], &found["payload"]), (&false.into(), &serde_json::Value::Null));
 }

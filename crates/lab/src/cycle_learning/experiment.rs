@@ -4,6 +4,7 @@
 use super::closed_loop_cycle::{Cycle, oscillation};
 use super::drive_delay::with_drive;
 use super::identification::{identified, overrides};
+use super::identified_payload::IdentifiedPayload;
 use super::iterative_learning_control::{Convergence, IterativeLearning};
 use super::offline_feedforward::{feedforward, within_margins};
 use super::record::Record;
@@ -97,6 +98,12 @@ pub struct CycleReport {
     pub convergence: Option<Convergence>,
     /// Identified parameters as overrides of the model's crane file.
     pub identified: Vec<String>,
+    /// Identified payload; none if it was not identified.
+    pub payload: Option<IdentifiedPayload>,
+    /// Whether the identified parameters may be used as overrides for other commands.
+    pub usable: bool,
+    /// Reason why not; none if they may.
+    pub unusable_because: Option<String>,
     /// Proposed commands, one per control period, by feedforward from a log's model. None if the machine
     /// does not come from a log, if learning would not converge or diverged, or if the nominal model's
     /// feedforward has the smaller error.
@@ -119,7 +126,8 @@ pub fn learning_experiment(
     courses: &[CourseChoice],
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<Vec<CycleReport>, LabError> {
-    let each = cranes.iter().map(|(name, crane)| Subject { name, crane, identified: None });
+    let each =
+        cranes.iter().map(|(name, crane)| Subject { name, crane, identified: None, payload: None });
     reports(model, &each.collect::<Vec<_>>(), courses, go_on)
 }
 
@@ -132,6 +140,8 @@ pub(crate) struct Subject<'a> {
     pub crane: &'a Description,
     /// Model identified from a log; if none, it is identified from the closed-loop cycle.
     pub identified: Option<&'a Description>,
+    /// Payload of that model.
+    pub payload: Option<IdentifiedPayload>,
 }
 
 /// Reports of each course on each machine.
@@ -205,6 +215,9 @@ impl CycleReport {
             methods: Vec::new(),
             convergence: None,
             identified: Vec::new(),
+            payload: None,
+            usable: false,
+            unusable_because: Some("the machine was not identified".into()),
             proposal: None,
             remarks: Vec::new(),
         };
@@ -246,13 +259,13 @@ impl CycleReport {
         let stroke = record.readings.first().map_or(start, |reading| reading.stroke);
         let on_line = unless_stopped(from_rest(&estimated, stroke))?.map(|(_, errors)| errors);
         self.add(Method::OnLineEstimates, true, on_line.as_ref());
-        let identified = match subject.identified {
-            Some(known) => known.clone(),
+        let (identified, payload) = match subject.identified {
+            Some(known) => (known.clone(), subject.payload),
             None => {
                 let (log, signals) = record.log();
                 let found = identified(&estimated, (&log, &signals), Window::default(), stages);
                 match unless_stopped(found)? {
-                    Ok(found) => found.model,
+                    Ok(found) => (found.model, found.payload),
                     Err(error) => {
                         self.remarks.push(format!("nothing was identified, nor learned: {error}"));
                         return Ok(());
@@ -261,8 +274,10 @@ impl CycleReport {
             }
         };
         stages.done(IDENTIFICATION);
-        self.identified = overrides(model, &identified);
-        for key in outside_range(model, &self.identified) {
+        (self.identified, self.payload) = (overrides(model, &identified), payload);
+        self.judge_use(Some("it was interrupted before feedforward from it was run".into()));
+        let outside = outside_range(model, &self.identified);
+        for key in &outside {
             self.remarks.push(format!(
                 "{key} is outside the crane file's range of it: widen the range there before it is used"
             ));
@@ -271,17 +286,14 @@ impl CycleReport {
         self.remarks.extend(saturations(&identified, &asked, record.period));
         let fitted = unless_stopped(from_rest(&identified, stroke))?;
         self.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
-        let mut is_usable = true;
-        if let (Ok(nominal), Ok((_, fitted))) = (&nominal, &fitted)
-            && rms(&fitted.measured) > rms(&nominal.measured)
-        {
-            is_usable = false;
-            self.remarks.push(format!(
-                "what was identified is not to be used: feedforward from it errs by {:.2} mm RMS as measured, from the nominal model by {:.2} mm",
-                1e3 * rms(&fitted.measured),
-                1e3 * rms(&nominal.measured)
-            ));
-        }
+        let fitted_mm = fitted.as_ref().map(|(_, errors)| 1e3 * rms(&errors.measured));
+        let nominal_mm = nominal.as_ref().map(|errors| 1e3 * rms(&errors.measured));
+        let worse = worse_than_nominal(fitted_mm.ok(), nominal_mm.ok());
+        let mut may_propose = worse.is_none();
+        self.judge_use(match fitted.is_ok() {
+            true => worse.or_else(|| beyond_ranges(&outside)),
+            false => Some("feedforward from it could not be run".into()),
+        });
         let periods = record.commands.len();
         let law = IterativeLearning::new(&identified, course, periods);
         match law.and_then(|law| Ok((law.convergence(&identified, course, periods)?, law))) {
@@ -292,10 +304,11 @@ impl CycleReport {
                         let from_rest = matches!(start, Start::Rest(_));
                         let diverged =
                             self.learn((&law, &identified), &record, course, start, stages)?;
-                        is_usable &= !(from_rest && diverged);
+                        may_propose &= !(from_rest && diverged);
                     }
                     let commands = fitted.ok().map(|(commands, _)| commands);
-                    self.proposal = commands.filter(|_| is_usable && subject.identified.is_some());
+                    self.proposal =
+                        commands.filter(|_| may_propose && subject.identified.is_some());
                 } else {
                     self.remarks.push(format!(
                         "learning is not applied: the correction need not converge at {} (its contraction is {:.2}; below 1 is needed)",
@@ -316,6 +329,12 @@ impl CycleReport {
         let again = unless_stopped(replayed(&record.commands, &mut here, course, stages))?;
         self.add(Method::Replay, false, again.as_ref().map(|(_, errors)| errors));
         Ok(())
+    }
+
+    /// Notes whether the identified parameters may be used, given a reason why not.
+    fn judge_use(&mut self, unusable_because: Option<String>) {
+        self.usable = unusable_because.is_none();
+        self.unusable_because = unusable_because;
     }
 
     /// Adds the result of a method.
@@ -419,6 +438,23 @@ impl Start<'_> {
     }
 }
 
+/// Reason not to use what was identified if feedforward from it has a larger measured error \[mm\] than from the
+/// nominal model; none if one of them could not be run.
+fn worse_than_nominal(fitted_mm: Option<f64>, nominal_mm: Option<f64>) -> Option<String> {
+    let (fitted, nominal) = fitted_mm.zip(nominal_mm)?;
+    (fitted.is_nan() || fitted > nominal).then(|| {
+        format!(
+            "feedforward from it errs by {fitted:.2} mm RMS as measured, from the nominal model by {nominal:.2} mm"
+        )
+    })
+}
+
+/// Reason not to use what was identified if overrides are outside the crane file's ranges, where `--set` refuses them.
+fn beyond_ranges(outside: &[String]) -> Option<String> {
+    let named = outside.join(", ");
+    (!outside.is_empty()).then(|| format!("the crane file's ranges exclude {named}"))
+}
+
 /// Overrides outside the range stated in the crane file.
 pub(crate) fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
     let is_outside = |assignment: &&String| {
@@ -430,4 +466,22 @@ pub(crate) fn outside_range(model: &Description, identified: &[String]) -> Vec<S
         })
     };
     identified.iter().filter(is_outside).cloned().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_errs_more_than_the_nominal_model_or_leaves_a_range_is_not_to_be_used() {
+        let said = worse_than_nominal(Some(3.0), Some(2.0)).unwrap();
+        assert!(said.contains("3.00 mm") && said.contains("2.00 mm"), "{said}");
+        assert!(worse_than_nominal(Some(f64::NAN), Some(2.0)).is_some());
+        assert_eq!(worse_than_nominal(Some(2.0), Some(3.0)), None);
+        assert_eq!(worse_than_nominal(Some(2.0), None), None);
+        assert_eq!(beyond_ranges(&[]), None);
+        let model = Description::uia_single_boom().unwrap();
+        let outside = outside_range(&model, &["payload.mass_kg=900".into()]);
+        assert!(beyond_ranges(&outside).unwrap().contains("payload.mass_kg=900"));
+    }
 }

@@ -6,6 +6,7 @@
 //! identified from command and speed.
 
 use super::drive_delay::{half_of_it_lag, told_to_estimator};
+use super::identified_payload::IdentifiedPayload;
 use super::stages::Stages;
 use crate::LabError;
 use hydroboom_description::schema::{FrictionChoice, Numbers};
@@ -54,6 +55,8 @@ pub(crate) struct Identification {
     pub judged: Vec<Judgement>,
     /// Reason why the log hardly belongs to the crane of the file; none if the keys agree with the prior.
     pub improbable: Option<String>,
+    /// Its payload; none if it was not free, as of a model without a payload.
+    pub payload: Option<IdentifiedPayload>,
     /// Remarks on the log.
     pub remarks: Vec<String>,
 }
@@ -115,10 +118,11 @@ pub(crate) fn identified(
     let judged = shown.flat_map(|(experiment, shown)| verdict(&differences(experiment, shown)));
     let judged = judged.collect();
     let improbable = improbable(&found.tuned);
+    let payload = IdentifiedPayload::of(&found.tuned, &model);
     let begin = experiments.first().map_or(0.0, |experiment| experiment.begin);
     let mut machine = with_measured_pressures(&found.description, signals, begin);
     machine.numbers.fieldbus_delay = stated;
-    Ok(Identification { model: told_to_estimator(&machine), judged, improbable, remarks })
+    Ok(Identification { model: told_to_estimator(&machine), judged, improbable, payload, remarks })
 }
 
 /// Reason why the keys that the log determines together contradict the prior; none if they agree. Their squared
@@ -250,6 +254,21 @@ mod tests {
         assert!(said.unwrap().starts_with("the 1 keys"));
         assert_eq!(improbable(&keys(&[(0.3, 0.001), (-0.2, half), (0.25, half)])), None);
         assert_eq!(improbable(&keys(&[(0.0, 0.3)])), None);
+    }
+
+    /// The interval is that of the fit, about the mass at the model's lever.
+    #[test]
+    fn the_payload_has_its_interval_and_its_lever() {
+        let model = Description::uia_single_boom().unwrap();
+        let mut found = keys(&[(0.1, 0.02)]);
+        let payload = IdentifiedPayload::of(&found, &model).unwrap();
+        assert!((payload.lever_mm - 3600.0).abs() < 1e-9, "{payload:?}");
+        let [low, high] = payload.interval_95_kg.unwrap();
+        assert!(low < payload.mass_kg && payload.mass_kg < high, "{payload:?}");
+        assert!(((high / low).ln() / (2.0 * 1.96) - 0.02).abs() < 1e-4, "{payload:?}");
+        found[0].deviation = f64::INFINITY;
+        assert_eq!(IdentifiedPayload::of(&found, &model).unwrap().interval_95_kg, None);
+        assert_eq!(IdentifiedPayload::of(&[], &model), None);
     }
 
     /// Dead time, bandwidth and damping of a virtual crane's drive are identified from two seconds of

@@ -8,6 +8,7 @@
 use super::drive_delay::with_drive;
 use super::experiment::{CycleReport, Subject, outside_range, reports};
 use super::identification::{Identification, identified, overrides};
+use super::identified_payload::IdentifiedPayload;
 use super::margins::exceeded;
 use super::replay::{at_rest, replayed};
 use super::saturation::saturations;
@@ -27,6 +28,8 @@ pub struct LoggedMachine {
     pub model: Description,
     /// Identified parameters as overrides of the crane file; empty if the log is refused.
     pub identified: Vec<String>,
+    /// Identified payload; none if the log is refused.
+    pub payload: Option<IdentifiedPayload>,
     /// Range of validity of the identified model.
     pub judged: Vec<Judgement>,
     /// Reasons why no correction is proposed for this machine; empty if one may be.
@@ -59,12 +62,12 @@ pub fn identify_log(
 ) -> Result<LoggedMachine, LabError> {
     if let Some(refusal) = too_little_motion(model, log.1, window) {
         let (model, refusals) = (model.clone(), vec![refusal]);
-        let (identified, judged, remarks) = Default::default();
-        return Ok(LoggedMachine { model, identified, judged, refusals, remarks });
+        let (identified, payload, judged, remarks) = Default::default();
+        return Ok(LoggedMachine { model, identified, payload, judged, refusals, remarks });
     }
     let within = |share: f64| go_on(IDENTIFICATION * share);
     let stages = Stages::new(1, &within);
-    let Identification { model: found, judged, improbable, mut remarks } =
+    let Identification { model: found, judged, improbable, payload, mut remarks } =
         identified(&with_drive(model), log, window, &stages)?;
     let identified = overrides(model, &found);
     let mut refusals: Vec<String> = Vec::new();
@@ -90,6 +93,7 @@ pub fn identify_log(
     }));
     // a refused fit must not be used
     let identified = if refusals.is_empty() { identified } else { Vec::new() };
+    let payload = payload.filter(|_| refusals.is_empty());
     if refusals.is_empty() {
         remarks.extend(others.into_iter().map(|key| {
             format!("{key} is outside the crane file's range of it: widen the range there before it is used")
@@ -103,7 +107,7 @@ pub fn identify_log(
             (0..count).filter_map(|k| asked.held(first + (k as f64 + 0.5) * period)).collect();
         remarks.extend(saturations(&found, &commands, period));
     }
-    Ok(LoggedMachine { model: found, identified, judged, refusals, remarks })
+    Ok(LoggedMachine { model: found, identified, payload, judged, refusals, remarks })
 }
 
 /// Reason to refuse a log with too little piston motion; none for sufficient motion or without a position.
@@ -152,7 +156,8 @@ pub fn learn_for(
     let crane = described.virtual_crane().0;
     let within = |share: f64| go_on(IDENTIFICATION + (1.0 - IDENTIFICATION) * share);
     let name = format!("virtual crane of {} as identified from the log", model.name);
-    let subject = Subject { name: &name, crane: &crane, identified: Some(&machine.model) };
+    let identified = Some(&machine.model);
+    let subject = Subject { name: &name, crane: &crane, identified, payload: machine.payload };
     let mut reports = reports(model, &[subject], courses, &within)?;
     for report in &mut reports {
         let course = courses.iter().map(|course| course.of(&crane));

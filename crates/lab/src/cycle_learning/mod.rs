@@ -11,6 +11,7 @@ mod closed_loop_cycle;
 mod drive_delay;
 pub mod experiment;
 mod identification;
+pub mod identified_payload;
 mod iterative_learning_control;
 pub mod log_learning;
 mod margins;
