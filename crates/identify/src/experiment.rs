@@ -10,6 +10,8 @@ use crate::prediction::{INITIAL_VALUES, STEPS};
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Compared signals in this order: those of the crane, and the motor speed as the drive's response to its
 /// command.
@@ -72,6 +74,8 @@ pub struct Experiment {
     pub(crate) noise: [f64; COMPARED.len()],
     /// Remarks on the log.
     pub remarks: Vec<String>,
+    /// Request to stop every simulation of this experiment.
+    pub(crate) stop: Arc<AtomicBool>,
 }
 
 /// Time grid of a model's inputs.
@@ -225,7 +229,20 @@ impl Experiment {
             initial_values,
             noise: tracks.map(|track| track.map_or(0.0, |track| noise(track, begin, end))),
             remarks,
+            stop: Arc::default(),
         })
+    }
+
+    /// Ends every simulation of this experiment within milliseconds once the flag is set, and with it a fit, by
+    /// [`IdentifyError::Stopped`]. Otherwise a fit asks between its cost evaluations only, and the derivatives of a
+    /// long log take a minute.
+    pub fn stop_by(&mut self, stop: &Arc<AtomicBool>) {
+        self.stop = Arc::clone(stop);
+    }
+
+    /// Whether its simulations are to stop.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// Experiments from a log's signals within a window, one per segment. Clock jumps and gaps are not

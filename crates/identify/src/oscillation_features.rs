@@ -240,6 +240,7 @@ mod tests {
             sampling_intervals: ([5e-3; COMPARED.len()], 5e-3),
             noise: [1e-3; COMPARED.len()],
             remarks: Vec::new(),
+            stop: std::sync::Arc::default(),
         }
     }
 

@@ -175,6 +175,9 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
     let mut response = Vec::with_capacity(experiment.samples.len());
     for (k, input) in inputs.enumerate() {
         if k % every == 0 {
+            if experiment.is_stopped() {
+                return Err(IdentifyError::Stopped);
+            }
             let now = observe(&state);
             if now.iter().any(|v| !v.plain().is_finite()) {
                 return Err(broken(k));

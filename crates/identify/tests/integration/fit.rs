@@ -2,7 +2,11 @@
 
 use crate::made::{brief, log_of, with};
 use hydroboom_description::Description;
-use hydroboom_identify::{Determination, Fit, Free, Nuisance, Task, fit, profile};
+use hydroboom_identify::{
+    Determination, Fit, Free, IdentifyError, Nuisance, Task, fit, predict, profile,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Free keys.
 const KEYS: [&str; 5] = [
@@ -25,6 +29,33 @@ fn tuned(model: &Description, truth: &Description, seed: u64) -> Fit {
         generations: 0,
     };
     fit(&task, &|_| true).unwrap()
+}
+
+/// The flag stops the simulation itself, and a fit that is never told to stop by its caller.
+#[test]
+fn a_flag_stops_a_fit_within_its_simulations() {
+    let model = Description::uia_single_boom().unwrap();
+    let mut experiment = log_of(&brief(&model), 1.0, 1);
+    let stop = Arc::new(AtomicBool::new(false));
+    experiment.stop_by(&stop);
+    assert!(predict(&model, &experiment).is_ok());
+    let free = [Free::from_path("pump.flow_gain").unwrap()];
+    let (experiments, fixed) = ([experiment], Nuisance::named("all").unwrap());
+    let task = Task {
+        model: &model,
+        experiments: &experiments,
+        free: &free,
+        fixed: &fixed,
+        resume: None,
+        generations: 0,
+    };
+    // set while the first cost is evaluated: the Jacobian that follows is not computed
+    let found = fit(&task, &|_| {
+        stop.store(true, Ordering::Relaxed);
+        true
+    });
+    assert!(matches!(found, Err(IdentifyError::Stopped)));
+    assert!(matches!(predict(&model, &experiments[0]), Err(IdentifyError::Stopped)));
 }
 
 #[test]

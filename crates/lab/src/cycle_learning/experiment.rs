@@ -238,6 +238,7 @@ impl CycleReport {
         let crane = subject.crane;
         let closed_loop = ControllerChoice::from(Strategy::ScheduledLqr);
         self.has_stable_loops = closed_loop.has_stable_loops(model, crane);
+        stages.within(0.0)?;
         let start = course.reference(0.0).position;
         let described = with_drive(model);
         let cycle = unless_stopped(Cycle::run(model, crane, course, stages))?;
@@ -296,7 +297,9 @@ impl CycleReport {
         });
         let periods = record.commands.len();
         let law = IterativeLearning::new(&identified, course, periods);
-        match law.and_then(|law| Ok((law.convergence(&identified, course, periods)?, law))) {
+        let checked =
+            law.and_then(|law| Ok((law.convergence(&identified, course, periods, stages)?, law)));
+        match unless_stopped(checked)? {
             Err(error) => self.remarks.push(format!("nothing was learned: {error}")),
             Ok((convergence, law)) => {
                 if convergence.is_contraction() {

@@ -83,7 +83,9 @@ pub(crate) fn identified(
     if is_commanded {
         model = half_of_it_lag(&model);
     }
-    let experiments = Experiment::each(&model, log, signals, window)?;
+    let watched = stages.watched();
+    let mut experiments = Experiment::each(&model, log, signals, window)?;
+    experiments.iter_mut().for_each(|experiment| experiment.stop_by(&watched.stop));
     let mut free: Vec<Free> = IDENTIFIED
         .iter()
         .map(|path| Free::from_path(path))
@@ -109,8 +111,8 @@ pub(crate) fn identified(
         resume: None,
         generations: 0,
     };
-    let go_on = |runs: usize| stages.within(1.0 - (-(runs as f64) / USUAL_RUNS).exp()).is_ok();
-    let found = match fit(&task, &|progress| go_on(progress.runs)) {
+    let go_on = |runs: usize| watched.within(1.0 - (-(runs as f64) / USUAL_RUNS).exp());
+    let found = match watched.run(|| fit(&task, &|progress| go_on(progress.runs))) {
         Err(IdentifyError::Stopped) => return Err(LabError::Stopped),
         found => found?,
     };

@@ -23,6 +23,7 @@
 //! control*, IEEE Control Systems 26 (2006) 96-114.
 
 use super::drive_delay::total_delay;
+use super::stages::Stages;
 use crate::LabError;
 use crate::closed_loop::scenario::Course;
 use hydroboom_control::command::AxisCommand;
@@ -191,12 +192,13 @@ impl IterativeLearning {
     ///
     /// # Errors
     ///
-    /// See [`Self::new`].
+    /// See [`Self::new`]; [`LabError::Stopped`] on request.
     pub(crate) fn convergence(
         &self,
         model: &Description,
         course: &dyn Course,
         periods: usize,
+        stages: &Stages<'_>,
     ) -> Result<Convergence, LabError> {
         let own = self.contraction(&self.response);
         let mut found =
@@ -208,6 +210,7 @@ impl IterativeLearning {
         };
         for payload in corners("payload.mass_kg", n.payload) {
             for transition in corners("oil.transition_bar", n.transition) {
+                stages.within(0.0)?;
                 let mut other = model.clone();
                 (other.numbers.payload, other.numbers.transition) = (payload, transition);
                 let contraction =
@@ -365,7 +368,6 @@ impl Linear {
 mod tests {
     use super::super::drive_delay::with_drive;
     use super::super::replay::{at_rest, replayed};
-    use super::super::stages::Stages;
     use super::*;
     use hydroboom_virtual_crane::surrogate;
 
@@ -465,7 +467,9 @@ mod tests {
         let periods = feedforward(&course).len();
         let convergence = |model: &Description| {
             let learning = IterativeLearning::new(model, &course, periods).unwrap();
-            learning.convergence(model, &course, periods).unwrap()
+            let go_on = |_: f64| true;
+            let stages = Stages::new(1, &go_on);
+            learning.convergence(model, &course, periods, &stages).unwrap()
         };
         for set in
             ["knot_periods=1", "change_weight_mm_s_per_rev=0", "size_weight_mm_s_per_rev=0.005"]
@@ -488,7 +492,14 @@ mod tests {
         let (course, model) = (course(), with_drive(&Description::uia_single_boom().unwrap()));
         let periods = feedforward(&course).len();
         let learning = IterativeLearning::new(&model, &course, periods).unwrap();
-        assert!(learning.convergence(&model, &course, periods).unwrap().is_contraction());
+        let go_on = |_: f64| true;
+        let stop = |_: f64| false;
+        let stages = Stages::new(1, &go_on);
+        let convergence = learning.convergence(&model, &course, periods, &stages).unwrap();
+        assert!(convergence.is_contraction());
+        let stopped = Stages::new(1, &stop);
+        let stopped = learning.convergence(&model, &course, periods, &stopped);
+        assert!(matches!(stopped, Err(LabError::Stopped)));
         let (own, size) = (&learning.response, learning.response.ncols());
         let offset = DVector::from_fn(own.nrows(), |k, _| 1e-3 * (0.05 * k as f64).sin());
         let mu = model.numbers.learning_size.powi(2) * own.nrows() as f64;
