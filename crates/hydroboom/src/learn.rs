@@ -106,12 +106,14 @@ impl Learn {
             bail!("none of {asked} cycles had been run when it was interrupted");
         }
         if self.json {
-            return output::json(&json!({
+            output::json(&json!({
                 "asked": asked, "learned": all, "stable": stability(&all, asked), "plant": choice.json(),
-            }));
+            }))?;
+            return ended(&all, asked);
         }
         let equality = choice.equality().map_or(String::new(), |said| format!("\n\n{said}"));
-        output::text(&format!("{}{equality}", told(&all, asked)))
+        output::text(&format!("{}{equality}", told(&all, asked)))?;
+        ended(&all, asked)
     }
 
     fn run_log(self, path: &Path) -> Result<()> {
@@ -141,12 +143,13 @@ impl Learn {
             all.iter().filter_map(|report| self.proposed(report, &model)).collect();
         if self.json {
             let (usable, unusable_because) = usability(&all);
-            return output::json(&json!({
+            output::json(&json!({
                 "asked": courses.len(), "log": path, "identified": machine.identified,
                 "payload": machine.payload, "usable": usable, "unusable_because": unusable_because,
                 "verdict": verdict_text::in_json(&machine.judged), "refused": [], "remarks": machine.remarks,
                 "learned": all, "proposed": written,
-            }));
+            }))?;
+            return ended(&all, courses.len());
         }
         let of_commands = match (&self.out, written.is_empty()) {
             (None, _) => String::new(),
@@ -156,7 +159,12 @@ impl Learn {
                 written.join(", ")
             ),
         };
-        output::text(&format!("{}\n\n{}{of_commands}", of_log(&machine), told(&all, courses.len())))
+        output::text(&format!(
+            "{}\n\n{}{of_commands}",
+            of_log(&machine),
+            told(&all, courses.len())
+        ))?;
+        ended(&all, courses.len())
     }
 
     /// Prints the identification from a log and the reasons why nothing is proposed.
@@ -238,6 +246,15 @@ fn told(all: &[CycleReport], asked: usize) -> String {
     match whole == asked {
         true => told,
         false => format!("{told}\n\n{} cycles", of_asked(whole, asked)),
+    }
+}
+
+/// Error of an interrupted command, whose results so far are printed by then.
+fn ended(all: &[CycleReport], asked: usize) -> Result<()> {
+    let whole = all.iter().filter(|report| report.whole).count();
+    match whole == asked {
+        true => Ok(()),
+        false => bail!("interrupted: {whole} of {asked} cycles are complete"),
     }
 }
 
@@ -440,6 +457,15 @@ mod tests {
         assert_eq!(stability(std::slice::from_ref(&stable), 2), None);
         assert_eq!(stability(&[stable, open.clone()], 2), None);
         assert_eq!(stability(&[open, unstable], 3), Some(false));
+    }
+
+    #[test]
+    fn an_interrupted_command_has_not_done_its_work() {
+        let [whole, part] = [Some(true), None].map(report);
+        assert!(ended(std::slice::from_ref(&whole), 1).is_ok());
+        let error = ended(&[whole, part], 3).unwrap_err().to_string();
+        assert!(error.contains("interrupted: 1 of 3 cycles"), "{error}");
+        assert!(ended(&[], 1).is_err());
     }
 
     /// Report of a cycle from which a payload was identified.
