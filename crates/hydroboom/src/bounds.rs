@@ -157,7 +157,7 @@ fn told(
     let heads = ["strategy", "RMS true [mm]", "over the bound", "remark"];
     let has_remarks = strategies.iter().any(|s| s.remark.is_some());
     let shown = if has_remarks { heads.len() } else { heads.len() - 1 };
-    let closed_loops: Vec<Vec<String>> = strategies
+    let strategy_rows: Vec<Vec<String>> = strategies
         .iter()
         .map(|s| {
             let optional = |value: Option<f64>| value.map_or("-".into(), output::three_digits);
@@ -193,7 +193,7 @@ fn told(
          [2] for any linear causal controller, if disturbances drift as below: that they do is an estimate\n\
          [3] no position feedback, the motor's limits not counted; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\
          [4] reference and load changes not known ahead: the piston is on its reference whenever one changes, and what follows is known until the next{of_loads}\n\n\
-         Strategies in closed loop on it\n{}{interrupted}\n\n\
+         Strategies on it\n{}{interrupted}\n\n\
          Conditions\n{}",
         choice.name(),
         course_name(&bounds.course),
@@ -202,7 +202,7 @@ fn told(
         output::three_digits(before),
         output::three_digits(begun),
         output::three_digits(ended),
-        output::table(&heads[..shown], &closed_loops),
+        output::table(&heads[..shown], &strategy_rows),
         output::table(&["number", "value", "unit", "source"], &conditions),
     )
 }

@@ -1,4 +1,4 @@
-//! Closed-loop errors of the strategies on the machine, compared with the bound.
+//! Errors of the strategies on the machine, with and without feedback, compared with the bound.
 
 use crate::LabError;
 use crate::closed_loop::scenario::CourseChoice;
@@ -8,7 +8,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// Closed-loop error of a strategy compared with the bound.
+/// Error of a strategy compared with the bound.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StrategyError {
     /// Strategy.
@@ -22,9 +22,9 @@ pub struct StrategyError {
     pub remark: Option<String>,
 }
 
-/// All strategies in closed loop on the machine, with controllers designed for `model`, compared with the
-/// bound with all limits \[mm\]. `go_on` receives the number of completed runs and returns whether to
-/// continue; runs that were started by then are returned.
+/// All strategies on the machine, with controllers designed for `model`, compared with the bound with all
+/// limits \[mm\]. `go_on` receives the number of completed runs and returns whether to continue; runs that
+/// were started by then are returned.
 ///
 /// # Errors
 ///

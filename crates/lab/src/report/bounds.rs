@@ -46,7 +46,7 @@ const BELOW: f64 = 48.0;
 const LEAST_DECADES: f64 = 2.0;
 const NOTHING: f64 = 1e-6;
 
-/// Page of a machine's bounds and of the strategies in closed loop on it.
+/// Page of a machine's bounds and of the strategies on it.
 ///
 /// # Errors
 ///
@@ -59,18 +59,18 @@ pub fn bounds_page(
     let body = html! {
         p.soft {
             "Course: " (bounds.course) ". RMS of the true piston's tracking error over the whole course, rests included. "
-            "Strategies run on the virtual crane in closed loop. Nothing here is a measurement."
+            "Strategies run on the virtual crane, two of them without feedback. Nothing here is a measurement."
         }
         (figure(
             "Least possible tracking error with one limit alone and with all of them (bars), estimates (outlines), \
-             and the strategies in closed loop (dots). The dashed line is the bound with all limits.",
+             and the strategies (dots). The dashed line is the bound with all limits.",
             &drawing(bounds, strategies)?
         ))
         (meaning(bounds))
         h2 { "What each limit costs" }
         (limits(bounds))
         h2 { "Strategies" }
-        (closed_loops(strategies))
+        (strategies_table(strategies))
         h2 { "Conditions" }
         div.wide { table {
             thead { tr { th { "number" } th { "value" } th { "unit" } th { "source" } } }
@@ -117,7 +117,7 @@ fn limits(bounds: &PerformanceBounds) -> Markup {
     }
 }
 
-fn closed_loops(strategies: &[StrategyError]) -> Markup {
+fn strategies_table(strategies: &[StrategyError]) -> Markup {
     html! {
         div.wide { table {
             thead { tr { th { "strategy" } th { "RMS true [mm]" } th { "over the bound" } th { "" } } }
@@ -174,7 +174,7 @@ fn groups(bounds: &PerformanceBounds, strategies: &[StrategyError]) -> Vec<Group
     ];
     if !strategies.is_empty() {
         let rows = strategies.iter().map(run).collect();
-        groups.push(Group { heading: "Closed loop on the virtual crane", rows });
+        groups.push(Group { heading: "Strategies on the virtual crane", rows });
     }
     groups
 }
