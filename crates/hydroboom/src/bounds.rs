@@ -9,6 +9,7 @@ use crate::output;
 use crate::paths::{InputFile, OutputFolder};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
+use hydroboom_description::{Description, RangeSource};
 use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::performance_bounds::{
@@ -44,7 +45,7 @@ pub struct Bounds {
     #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
     scenario: Option<String>,
     /// Range of the payload that is unknown to the controller before the motion begins. Default: the plant's range of
-    /// payload.mass_kg. A range of zero width is a known payload.
+    /// payload.mass_kg, which it must not exceed. A range of zero width is a known payload.
     #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true, value_parser = benchmark_gains::payloads)]
     payload_kg: Option<[f64; 2]>,
     /// Use the benchmark gains of the crane file. By default, gains of `hydroboom design --benchmark` replace the
@@ -69,6 +70,12 @@ impl Bounds {
         };
         let own = choice.machine.numbers.payload;
         let payloads = self.payload_kg.unwrap_or_else(|| payload_range(&choice.machine));
+        if let Some(said) = beyond_range(&choice.machine, payloads) {
+            return Err(miette!(
+                help = "stay within, or widen `range` of payload.mass_kg in the plant's crane file",
+                "{said}"
+            ));
+        }
         if !(payloads[0] - 0.5..=payloads[1] + 0.5).contains(&own) {
             let change = match &self.plant {
                 Some(path) => format!("another payload.mass_kg in {}", path.display()),
@@ -112,6 +119,26 @@ impl Bounds {
         }
         output::text(&told(&choice, &bounds, &strategies))
     }
+}
+
+/// Reason to refuse payloads \[kg\] beyond the plant's range; none for payloads within it, or without a range.
+fn beyond_range(machine: &Description, payloads: [f64; 2]) -> Option<String> {
+    let range = machine.range("payload.mass_kg")?;
+    let is_within = range.low <= payloads[0] && payloads[1] <= range.high;
+    let source = match range.source {
+        RangeSource::Value => return None,
+        RangeSource::File => "of its crane file",
+        RangeSource::Default => "by default, for its crane file states none",
+    };
+    (!is_within).then(|| {
+        format!(
+            "--payload-kg goes from {} to {} kg, beyond the plant's range of payload.mass_kg, {} to {} kg {source}",
+            payloads[0],
+            payloads[1],
+            output::short(range.low),
+            output::short(range.high)
+        )
+    })
 }
 
 /// Error with three digits; zero below a millionth of a millimetre.
@@ -212,7 +239,6 @@ mod tests {
     use super::*;
     use clap::{CommandFactory, Parser};
     use hydroboom_control::reference::trajectory::Trajectory;
-    use hydroboom_description::Description;
     use hydroboom_lab::closed_loop::scenario::scenarios;
     use hydroboom_lab::performance_bounds::LONGEST_COURSE;
 
@@ -231,5 +257,17 @@ mod tests {
             let has_bounds = scenario.duration() <= LONGEST_COURSE;
             assert_eq!(help.contains(scenario.name), has_bounds, "{}: {help}", scenario.name);
         }
+    }
+
+    #[test]
+    fn payloads_beyond_the_plants_range_are_refused() {
+        let mut crane = Description::uia_virtual().unwrap();
+        assert_eq!(beyond_range(&crane, [0.0, 382.0]), None);
+        assert_eq!(beyond_range(&crane, payload_range(&crane)), None);
+        let said = beyond_range(&crane, [0.0, 99_999.0]).unwrap();
+        assert!(said.contains("0 to 99999 kg") && said.contains("0 to 382 kg of its"), "{said}");
+        // a payload beyond the file's range extends it
+        crane.set("payload.mass_kg=400").unwrap();
+        assert_eq!(beyond_range(&crane, [0.0, 400.0]), None);
     }
 }

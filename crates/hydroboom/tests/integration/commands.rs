@@ -43,6 +43,7 @@ fn every_command_explains_itself_with_an_example() {
 fn bounds_say_what_they_cannot_be_computed_of() {
     for (arguments, said) in [
         (["--payload-kg", "0:100"], "--payload-kg goes from 0 to 100 kg"),
+        (["--payload-kg", "0:99999"], "beyond the plant's range of payload.mass_kg, 0 to 382 kg"),
         (["--payload-kg", "400"], "payloads are LOW:HIGH in kg"),
         (["--speed-mm-s", "fast"], "from 0.1 to 10000 mm/s"),
         (["--speed-mm-s", "0.5"], "takes 1611 s"),

@@ -53,13 +53,17 @@ const IDENTIFICATION: f64 = 0.2;
 ///
 /// # Errors
 ///
-/// [`LabError`] if the log lacks a required signal or the model cannot be run; [`LabError::Stopped`].
+/// [`LabError`] if the log lacks a required signal, the window is outside it, or the model cannot be run;
+/// [`LabError::Stopped`].
 pub fn identify_log(
     model: &Description,
     log: (&Measurement, &Signals),
     window: Window,
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<LoggedMachine, LabError> {
+    if let Some(reason) = outside_log(log.1, window) {
+        return Err(LabError::Input { file: log.0.name.clone(), reason });
+    }
     if let Some(refusal) = too_little_motion(model, log.1, window) {
         let (model, refusals) = (model.clone(), vec![refusal]);
         let (identified, payload, judged, remarks) = Default::default();
@@ -108,6 +112,21 @@ pub fn identify_log(
         remarks.extend(saturations(&found, &commands, period));
     }
     Ok(LoggedMachine { model: found, identified, payload, judged, refusals, remarks })
+}
+
+/// Error of a window without any time of the log; none for others, or without a position.
+fn outside_log(log: &Signals, window: Window) -> Option<String> {
+    let (first, last) = log.overlap(&[Signal::Stroke])?;
+    let (from, to) = (window.from.unwrap_or(first), window.to.unwrap_or(last));
+    let at = |time: Option<f64>, end: &str| time.map_or(end.into(), |time| format!("{time:.3} s"));
+    (from.max(first) >= to.min(last)).then(|| {
+        format!(
+            "it lasts {:.3} s, with the piston's position from {first:.3} to {last:.3} s, and the window from {} to {} has no time of it",
+            last - first,
+            at(window.from, "its beginning"),
+            at(window.to, "its end")
+        )
+    })
 }
 
 /// Reason to refuse a log with too little piston motion; none for sufficient motion or without a position.
