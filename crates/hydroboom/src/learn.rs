@@ -381,9 +381,10 @@ fn medians(all: &[CycleReport]) -> String {
     let rows = found.into_iter().map(|([name, begins], [truth, measured])| {
         let below = truth.iter().filter(|mm| **mm < 1.0).count();
         let finished = truth.len();
-        let [truly, as_measured] = [truth, measured].map(|all| Percentiles::of(all).median);
+        let median = |all: Vec<f64>| Some(Percentiles::of(all).median).filter(|mm| mm.is_finite());
+        let [truly, as_measured] = [truth, measured].map(|all| output::optional(median(all), 3));
         let [below, finished] = [below, finished].map(|n| format!("{n} of {}", all.len()));
-        vec![name, begins, format!("{truly:.3}"), format!("{as_measured:.3}"), below, finished]
+        vec![name, begins, truly, as_measured, below, finished]
     });
     let [by, begins, ..] = HEADS;
     let heads = [

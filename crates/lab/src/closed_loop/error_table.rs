@@ -284,7 +284,9 @@ fn two(s: &Percentiles) -> String {
 
 /// Row of a controller compared with the benchmark on the same cranes.
 fn row(course: &str, controller: &str, pairs: &[(&Outcome, &Outcome)]) -> Row {
-    let spread = |values: Vec<f64>| (!values.is_empty()).then(|| Percentiles::of(values));
+    let spread = |values: Vec<f64>| {
+        values.iter().any(|value| value.is_finite()).then(|| Percentiles::of(values))
+    };
     let all = |of: fn(&(&Outcome, &Outcome)) -> Option<f64>| -> Vec<f64> {
         pairs.iter().filter_map(of).collect()
     };

@@ -306,13 +306,15 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Distribution of the given values; non-finite ones are ignored.
+    /// Distribution of the given values; non-finite ones are ignored. Without a finite value all are NaN, which is
+    /// null in JSON and a dash in [`text`](Self::text).
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
         let [least, worst] =
             [f64::min, f64::max].map(|of| finite.iter().copied().fold(f64::NAN, of));
+        let is_empty = finite.is_empty();
         let mut data = Data::new(finite);
-        let mut share = |tau: f64| data.quantile(tau);
+        let mut share = |tau: f64| if is_empty { f64::NAN } else { data.quantile(tau) };
         Self {
             least,
             p5: share(0.05),
@@ -324,14 +326,25 @@ impl Percentiles {
         }
     }
 
-    /// Text with `digits` decimals: median (minimum .. maximum).
+    /// Whether there was no finite value.
+    fn is_empty(&self) -> bool {
+        self.median.is_nan()
+    }
+
+    /// Text with `digits` decimals: median (minimum .. maximum); a dash without values.
     pub fn range_text(&self, digits: usize) -> String {
+        if self.is_empty() {
+            return "-".into();
+        }
         let Self { least, median, worst, .. } = self;
         format!("{median:.digits$} ({least:.digits$} .. {worst:.digits$})")
     }
 
-    /// Text with `digits` decimals: median (5 .. 95 %), maximum.
+    /// Text with `digits` decimals: median (5 .. 95 %), maximum; a dash without values.
     pub fn text(&self, digits: usize) -> String {
+        if self.is_empty() {
+            return "-".into();
+        }
         let Self { p5, median, p95, worst, .. } = self;
         format!("{median:.digits$} ({p5:.digits$} .. {p95:.digits$}), {worst:.digits$}")
     }
@@ -477,6 +490,22 @@ mod tests {
     use super::*;
     use hydroboom_design::benchmark_design::Gains;
     use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// A course without a rest of a second has no ripple at rest: NaN of a single crane is left out, and without any
+    /// value there is a dash, and null in JSON.
+    #[test]
+    fn a_quantity_without_values_is_a_dash_and_null() {
+        let none = Percentiles::of([f64::NAN; 3]);
+        assert_eq!((none.text(1), none.range_text(2)), ("-".into(), "-".into()));
+        let json = serde_json::to_value(none).unwrap();
+        for key in ["least", "p5", "p25", "median", "p75", "p95", "worst"] {
+            assert!(json[key].is_null(), "{json}");
+        }
+        assert_eq!(Percentiles::of([]).text(1), "-");
+        let some = Percentiles::of([2.0, f64::NAN, 4.0]);
+        assert_eq!((some.least, some.worst), (2.0, 4.0));
+        assert!(some.text(1).starts_with("3.0 ("), "{}", some.text(1));
+    }
 
     #[test]
     fn a_member_depends_on_seed_and_number_alone() {
