@@ -370,6 +370,27 @@ mod tests {
         }
     }
 
+    /// A loop whose gain is below one at all frequencies has no crossover: no phase margin, and as JSON null. Its distance
+    /// from −1 remains.
+    #[test]
+    fn a_loop_without_crossover_has_no_phase_margin() {
+        let (zeta, k) = (0.5, 0.1);
+        let found = margins(&resonant(TAU * 5.0, zeta, false), &proportional(k)).unwrap();
+        assert!(found.is_stable() && found.phase_deg.is_infinite(), "{found:?}");
+        assert!(found.gain.is_infinite() && found.crossover_hz.is_nan(), "{found:?}");
+        let largest = k / (2.0 * zeta * (1.0 - zeta * zeta).sqrt());
+        assert!((1.0 - largest..1.0).contains(&found.modulus_margin), "{found:?}");
+        let json = serde_json::to_value(found).unwrap();
+        for key in ["gain", "phase_deg", "crossover_hz"] {
+            assert!(json[key].is_null(), "{json}");
+        }
+        assert_eq!(json["stable"], true);
+        assert!(json["modulus_margin"].is_number() && json["at_hz"].is_number(), "{json}");
+        // of an unstable loop, nothing is a margin
+        let unstable = serde_json::to_value(Margins { unstable_poles: 2, ..found }).unwrap();
+        assert!(unstable["modulus_margin"].is_null() && unstable["at_hz"].is_null(), "{unstable}");
+    }
+
     /// K ω²/(s (s² + 2 ζ ω s + ω²)) crosses the negative axis at ω, by K/(2 ζ ω): the gain margin is that one's reciprocal, and beyond it the loop is unstable.
     #[test]
     fn the_gain_margin_at_a_lightly_damped_resonance_is_where_the_loop_becomes_unstable() {

@@ -5,6 +5,7 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::OutputFile;
 use hydroboom_description::{Description, PLACEHOLDER, UIA_SINGLE_BOOM};
+use hydroboom_design::DesignError;
 use hydroboom_design::benchmark_design::{
     BenchmarkDesign, Gains, WorstMargins, benchmark_design, payload_range, worst_margins,
 };
@@ -91,7 +92,11 @@ fn row(name: &str, gains: &Gains, worst: &WorstMargins) -> Vec<String> {
     row.extend(match worst.stable {
         true => [
             format!("{:.2}", worst.sensitivity_peak),
-            format!("{:.0}", worst.phase_deg),
+            if worst.phase_deg.is_finite() {
+                format!("{:.0}", worst.phase_deg)
+            } else {
+                "-".into()
+            },
             if worst.gain.is_finite() { format!("{:.1}", worst.gain) } else { "-".into() },
         ],
         false => ["unstable".into(), "-".into(), "-".into()],
@@ -178,6 +183,11 @@ fn source(design: &BenchmarkDesign) -> String {
     )
 }
 
+/// Remark on gains that are not tuned where none are found.
+fn untunable(said: &str, error: &DesignError) -> String {
+    format!("the benchmark is not tuned ({said}), and cannot be: {error}")
+}
+
 /// Machine choice with the benchmark's gains for a comparison with payloads \[kg\], and a remark on a
 /// replacement. Designed gains replace placeholders for all payloads. They also replace the paper's gains
 /// on another crane with too small margins.
@@ -209,9 +219,36 @@ pub fn for_comparison(
             );
             Ok((choice.with_benchmark_gains(&g), Some(remark)))
         }
-        Err(error) => Ok((
-            choice,
-            Some(format!("the benchmark is not tuned ({said}), and cannot be: {error}")),
-        )),
+        Err(error) => Ok((choice, Some(untunable(&said, &error)))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_that_are_not_found_are_told_with_both_reasons() {
+        let error = DesignError::NotConverged { exchanges: 12, low_kg: 0.0, high_kg: 370.0 };
+        let remark = untunable("they are placeholders", &error);
+        assert!(remark.contains("not tuned (they are placeholders)"), "{remark}");
+        assert!(remark.contains("0 to 370 kg has not converged"), "{remark}");
+        // `design --benchmark` fails with the same sentence
+        let report = Err::<(), _>(error).into_diagnostic().unwrap_err();
+        assert!(report.to_string().contains("has not converged: after 12 worst cases"), "{report}");
+    }
+
+    #[test]
+    fn a_margin_that_does_not_exist_is_a_dash() {
+        let gains = Gains::of(&Description::uia_single_boom().unwrap());
+        let worst = WorstMargins {
+            stable: true,
+            sensitivity_peak: 1.1,
+            phase_deg: f64::INFINITY,
+            gain: f64::INFINITY,
+            payload_kg: 307.0,
+            stroke_mm: 250.0,
+        };
+        assert_eq!(row("designed", &gains, &worst)[5..8], ["1.10", "-", "-"]);
     }
 }

@@ -164,6 +164,11 @@ fn gain(factor: f64) -> String {
     if factor.is_finite() { format!("{factor:.1}") } else { "-".into() }
 }
 
+/// A modulus margin, or a dash where no loop of a family has one.
+fn modulus(distance: f64) -> String {
+    output::optional(Some(distance).filter(|d| d.is_finite()), 2)
+}
+
 fn over_family(family: &[FamilyMargins]) -> String {
     let header = [
         "over the family",
@@ -193,9 +198,9 @@ fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     let mut row = vec![
         of.controller.into(),
         format!("{} of {}", of.unstable, of.count),
-        format!("{:.0}, {:.0}", of.phase_median_deg, of.phase_p5_deg),
+        format!("{}, {}", phase(of.phase_median_deg), phase(of.phase_p5_deg)),
         format!("{}, {}", gain(of.gain_median), gain(of.gain_p5)),
-        format!("{:.2}, {:.2}", of.modulus_margin_median, of.modulus_margin_p5),
+        format!("{}, {}", modulus(of.modulus_margin_median), modulus(of.modulus_margin_p5)),
         format!("{}, {:.0}", of.worst.crane, of.worst.stroke_mm),
     ];
     row.extend(margins);
@@ -230,4 +235,34 @@ fn table(reports: &[DesignReport]) -> String {
         "scheduled LQR: PM [deg] / GM / d",
     ];
     output::table(&header, &rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_design::Margins;
+
+    /// Margins of a loop whose gain is below one at all frequencies.
+    const WITHOUT_CROSSOVER: Margins = Margins {
+        gain: f64::INFINITY,
+        phase_deg: f64::INFINITY,
+        modulus_margin: 0.9,
+        at_hz: 5.0,
+        crossover_hz: f64::NAN,
+        unstable_poles: 0,
+    };
+
+    #[test]
+    fn a_margin_that_does_not_exist_is_a_dash_in_the_table_and_null_in_json() {
+        assert_eq!([phase(60.4), gain(2.44), modulus(0.5)], ["60", "2.4", "0.50"]);
+        assert_eq!([phase(f64::INFINITY), gain(f64::INFINITY), modulus(f64::NAN)], ["-"; 3]);
+        let benchmark = WITHOUT_CROSSOVER;
+        let scheduled_lqr = Margins { unstable_poles: 1, ..WITHOUT_CROSSOVER };
+        let report = DesignReport { stroke_mm: 250.0, load_mode: None, benchmark, scheduled_lqr };
+        let json = serde_json::to_value(&report).unwrap();
+        assert!(json["benchmark"]["phase_deg"].is_null(), "{json}");
+        assert!(json["benchmark"]["crossover_hz"].is_null(), "{json}");
+        let said = table(&[report]);
+        assert!(said.contains("- / - / 0.90") && said.contains("unstable"), "{said}");
+    }
 }
