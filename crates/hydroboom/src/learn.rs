@@ -32,14 +32,19 @@ use std::path::Path;
 /// the cycle with corrections of iterative learning control. Each starts from the initial state of the cycle, and once
 /// more without a reset, from the state of the oil at its end.
 ///
+/// It takes minutes on two cores, with a short motion about half a minute. Ctrl-C ends it with the results so far, and
+/// status 1.
+///
 /// With --log the machine is identified from the log, and the cycles run on the virtual crane of the identified model.
 /// A log that no model near the crane file reproduces is refused. docs/reference/iterative-learning-control.md has
 /// method, conditions and limits.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134\n  \
-    hydroboom learn --log run.csv --out proposed\n  hydroboom learn --set learning.cycles=3 --set learning.knot_periods=3\n  \
-    What is identified is printed as overrides: hydroboom motion --set payload.mass_kg=... takes it."
+    hydroboom learn --log run.csv --out proposed\n  hydroboom learn --set learning.cycles=3 --set learning.knot_periods=3\n\n\
+    What is identified is printed as overrides, if it may be used: hydroboom motion --set payload.mass_kg=... takes it.\n\
+    Commands of --out: hydroboom virtual --input FILE applies them to the virtual crane, simulate --input to the model;\n\
+    no command sends them to a machine."
 )]
 pub struct Learn {
     #[command(flatten)]
