@@ -9,7 +9,7 @@
 //! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
 //! 2001, section 5.4 (consistency), 5.5 (likelihood).
 
-use crate::log_estimation::{ALL, LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
+use crate::log_estimation::filter_run::{ALL, LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
