@@ -9,9 +9,8 @@ pub(crate) mod filter_run;
 mod input_signals;
 
 use crate::LabError;
-use crate::log_verdict::{
-    SignalFinding, Verdict, delay, is_consistent, likeliest_noise, noise_findings, verdict,
-};
+use crate::log_verdict::likelihood::{delay, likeliest_noise, noise_findings};
+use crate::log_verdict::{SignalFinding, Verdict, is_consistent, verdict};
 use crate::virtual_estimates::OF_STATE;
 use filter_run::{ALL, Run, Source, run};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
