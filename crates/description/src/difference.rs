@@ -2,8 +2,8 @@
 
 use crate::Description;
 use crate::equipment_defaults::is_equipment;
-use crate::parse::SEGMENT_LENGTHS;
 use crate::schema::KEYS;
+use crate::suggestion::SEGMENT_LENGTHS;
 
 /// Sections that do not describe the machine: controllers, supervision, tests.
 const AROUND: [&str; 9] = [

@@ -25,20 +25,23 @@ mod digest;
 mod equipment_defaults;
 mod error;
 mod excerpt;
+mod limit;
+mod overrides;
 mod parse;
 mod placeholder;
 mod range;
 pub mod schema;
 mod spread;
+mod suggestion;
 
 pub use build::BuildError;
 pub use difference::{Difference, by_weight, is_of_machine};
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
-pub use parse::suggestion;
 pub use placeholder::{PLACEHOLDER, as_placeholders};
 pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers, Tuning};
+pub use suggestion::suggestion;
 
 /// Provenance of a value.
 #[derive(Clone, Debug, PartialEq)]

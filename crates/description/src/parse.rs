@@ -2,8 +2,10 @@
 
 use crate::error::{DescriptionError, Problem};
 use crate::excerpt::{Excerpt, excerpt, quoted};
+use crate::limit::{number_problem, valid_lengths, whole_segments};
 use crate::placeholder::{PLACEHOLDER, is_touched};
 use crate::schema::{Choices, KEYS, Key, LINKS, Numbers, StructureChoice};
+use crate::suggestion::{NAME, SEGMENT_LENGTHS, SEGMENTS, known_paths, suggestion};
 use crate::{Description, Origin};
 use hydroboom_model::MAX_SEGMENTS;
 use std::ops::Range;
@@ -13,99 +15,14 @@ use toml::de::{DeTable, DeValue};
 /// Largest size of a crane file \[bytes\].
 const LARGEST: usize = 1 << 20;
 
-/// Longest path for which a similar key is suggested \[bytes\].
-const LONGEST_PATH: usize = 200;
-
 /// Largest number of problems in an error; other files may have thousands.
 const MOST_PROBLEMS: usize = 20;
-
-/// Keys that are not plain numbers.
-const SEGMENTS: &str = "boom.segments";
-pub(crate) const SEGMENT_LENGTHS: &str = "boom.segment_lengths_mm";
-const NAME: &str = "crane.name";
-
-/// All paths a file may use, for suggestions.
-fn known_paths() -> impl Iterator<Item = String> {
-    let others = [NAME, SEGMENTS, SEGMENT_LENGTHS].into_iter().chain(Choices::PATHS);
-    KEYS.iter().map(Key::path).chain(others.map(String::from))
-}
-
-/// "did you mean ...?" for an unknown path.
-pub fn suggestion(path: &str) -> String {
-    if path == "following" || path.starts_with("following.") {
-        return "model following was replaced by the scheduled LQR: its keys are in [estimator] and [scheduled_lqr]".into();
-    }
-    // the cost of the similarity is the product of both lengths
-    if path.len() > LONGEST_PATH {
-        return "`hydroboom show` lists all keys".into();
-    }
-    let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
-    let near = known_paths()
-        .map(|known| {
-            let whole = strsim::jaro_winkler(path, &known);
-            // also suggests the right name in the wrong table
-            let short = strsim::jaro_winkler(&name(path), &name(&known)) * 0.97;
-            (whole.max(short), known)
-        })
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    match near {
-        Some((likeness, known)) if likeness > 0.75 => format!("did you mean `{known}`?"),
-        _ => "`hydroboom show` lists all keys".into(),
-    }
-}
-
-/// Units that are often confused with this one, with their size in it.
-fn mistaken_units(unit: &str) -> &'static [(&'static str, f64)] {
-    match unit {
-        "bar" => &[("Pa", 1e-5), ("kPa", 1e-2), ("MPa", 10.0), ("psi", 0.068_947_6)],
-        "mm" => &[("m", 1000.0), ("cm", 10.0), ("in", 25.4)],
-        "mm/s" => &[("m/s", 1000.0), ("cm/s", 10.0)],
-        "L" => &[("m3", 1000.0), ("mL", 1e-3), ("cm3", 1e-3)],
-        "MPa" => &[("Pa", 1e-6), ("bar", 0.1), ("GPa", 1000.0)],
-        "GPa" => &[("Pa", 1e-9), ("MPa", 1e-3)],
-        "cm4" => &[("m4", 1e8), ("mm4", 1e-4)],
-        "kg" => &[("t", 1000.0), ("g", 1e-3)],
-        "cm3/rev" => &[("m3/rev", 1e6), ("L/rev", 1000.0)],
-        "rpm" => &[("rev/s", 60.0), ("rad/s", 9.549_3)],
-        "ms" => &[("s", 1000.0), ("us", 1e-3)],
-        "us" => &[("s", 1e6), ("ms", 1000.0)],
-        _ => &[],
-    }
-}
 
 /// Table of a machine's bus, which is read by whoever attaches the machine.
 const BUS: &str = "machine.ethercat";
 
 /// Section of a file of overrides, not allowed in a crane file.
 const OVERRIDES: &str = "set";
-
-/// Checks a number for a key; returns message and remedy if it is not allowed.
-fn number_problem(key: &Key, value: f64) -> Option<(String, String)> {
-    let is_fraction = key.is_whole && value.fract() != 0.0;
-    if value.is_finite() && (key.low..=key.high).contains(&value) && !is_fraction {
-        return None;
-    }
-    if key.is_whole {
-        let (path, low, high) = (key.path(), key.low, key.high);
-        let help = format!("{path} is a whole number from {low} to {high}: {}", key.meaning);
-        return Some((
-            format!("`{path}` is a whole number from {low} to {high}, not {value}"),
-            help,
-        ));
-    }
-    let range = format!("{} is {} to {} {}", key.path(), key.low, key.high, key.unit);
-    let hint = mistaken_units(key.unit)
-        .iter()
-        .map(|(unit, size)| (unit, value * size))
-        .find(|(_, inside)| (key.low..=key.high).contains(inside));
-    let help = match hint {
-        Some((unit, inside)) => {
-            format!("{range}; {value} {unit} would be {inside} {}", key.unit)
-        }
-        None => format!("{range}: {}", key.meaning),
-    };
-    Some((format!("`{}` cannot be {value} {}", key.path(), key.unit), help))
-}
 
 /// State of the parser.
 struct Reading<'a> {
@@ -212,33 +129,38 @@ impl Reading<'_> {
                 ),
             }
         } else if known_paths().any(|known| known == path) {
-            match inner.get_ref().as_str() {
-                Some(text) => {
-                    let text = text.to_string();
-                    if let Some(allowed) = Choices::allowed(path)
-                        && !allowed.contains(&text.as_str())
-                    {
-                        self.problem(
-                            span,
-                            format!("`{path}` cannot be \"{}\"", quoted(&text)),
-                            "not known",
-                            format!("one of: {}", allowed.join(", ")),
-                        );
-                    } else {
-                        self.texts.push((path.into(), text));
-                    }
-                }
-                None => self.problem(
-                    span,
-                    format!("`{path}` is a text in quotes"),
-                    "not a text",
-                    Choices::allowed(path)
-                        .map_or_else(String::new, |a| format!("one of: {}", a.join(", "))),
-                ),
-            }
+            self.text_entry(path, inner);
         } else {
             let message = format!("unknown key `{}`", quoted(path));
             self.problem(key_span, message, "unknown", suggestion(path));
+        }
+    }
+
+    /// Reads a text: a choice or the crane's name.
+    fn text_entry(&mut self, path: &str, inner: &Spanned<DeValue<'_>>) {
+        match inner.get_ref().as_str() {
+            Some(text) => {
+                let text = text.to_string();
+                if let Some(allowed) = Choices::allowed(path)
+                    && !allowed.contains(&text.as_str())
+                {
+                    self.problem(
+                        inner.span(),
+                        format!("`{path}` cannot be \"{}\"", quoted(&text)),
+                        "not known",
+                        format!("one of: {}", allowed.join(", ")),
+                    );
+                } else {
+                    self.texts.push((path.into(), text));
+                }
+            }
+            None => self.problem(
+                inner.span(),
+                format!("`{path}` is a text in quotes"),
+                "not a text",
+                Choices::allowed(path)
+                    .map_or_else(String::new, |a| format!("one of: {}", a.join(", "))),
+            ),
         }
     }
 
@@ -334,15 +256,6 @@ fn number(value: &DeValue<'_>) -> Option<f64> {
     }
 }
 
-fn whole_segments(count: f64) -> Option<usize> {
-    (count.fract() == 0.0 && (1.0..=MAX_SEGMENTS as f64).contains(&count)).then_some(count as usize)
-}
-
-fn valid_lengths(lengths: &[f64]) -> bool {
-    (1..=MAX_SEGMENTS).contains(&lengths.len())
-        && lengths.iter().all(|length| *length > 0.0 && length.is_finite())
-}
-
 impl Description {
     /// Reads and checks a crane file. `file` is its name, for messages.
     ///
@@ -406,111 +319,6 @@ impl Description {
         }
         reading.finish()
     }
-
-    /// Overrides one key, as `--set boom.segments=10` does.
-    ///
-    /// # Errors
-    ///
-    /// [`DescriptionError`] if the key is unknown, the value is not allowed, or the resulting machine is impossible.
-    pub fn set(&mut self, assignment: &str) -> Result<(), DescriptionError> {
-        self.set_together([assignment])
-    }
-
-    /// Overrides several keys at once. Only the machine with all overrides must be possible, so their order has no
-    /// effect. Choices and segments are set before the numbers that depend on them; if a key is given twice, the last
-    /// value applies.
-    ///
-    /// # Errors
-    ///
-    /// As for [`set`](Self::set); no key is changed then.
-    pub fn set_together<'a>(
-        &mut self,
-        assignments: impl IntoIterator<Item = &'a str>,
-    ) -> Result<(), DescriptionError> {
-        let is_number = |assignment: &&str| {
-            let path = assignment.split_once('=').map_or("", |(path, _)| path.trim());
-            KEYS.iter().any(|key| key.path() == path)
-        };
-        let all: Vec<&str> = assignments.into_iter().collect();
-        let (numbers, structure): (Vec<&str>, Vec<&str>) = all.iter().partition(|a| is_number(a));
-        let mut changed = self.clone();
-        for assignment in structure.into_iter().chain(numbers) {
-            changed.assign(assignment)?;
-        }
-        if let Some((_, message, help)) = changed.impossible() {
-            let named: Vec<String> = all.iter().map(|a| format!("--set {}", quoted(a))).collect();
-            return Err(DescriptionError::of(&named.join(" "), message, Some(help)));
-        }
-        *self = changed;
-        Ok(())
-    }
-
-    /// Overrides one key without checking the resulting machine.
-    fn assign(&mut self, assignment: &str) -> Result<(), DescriptionError> {
-        let wrong = |message: String, help: String| {
-            DescriptionError::of(&format!("--set {}", quoted(assignment)), message, Some(help))
-        };
-        let Some((path, text)) = assignment.split_once('=') else {
-            let help = "write section.key=value, for example --set boom.segments=10".into();
-            return Err(wrong("no `=` in it".into(), help));
-        };
-        let (path, text) = (path.trim(), text.trim().trim_matches('"'));
-        if let Some(index) = KEYS.iter().position(|key| key.path() == path) {
-            let key = &KEYS[index];
-            let segments = self.segment_shares.len();
-            if let Some(why) = self.choices.excludes(key.section, key.name, segments) {
-                return Err(wrong(format!("this crane has no {path}"), why.into()));
-            }
-            let value: f64 = text.parse().map_err(|_| {
-                wrong(
-                    format!("`{}` is not a number", quoted(text)),
-                    format!("{path}: {}", key.meaning),
-                )
-            })?;
-            if let Some((message, help)) = number_problem(key, value) {
-                return Err(wrong(message, help));
-            }
-            let mut values = self.numbers.to_array();
-            values[index] = key.to_si(value);
-            self.numbers = Numbers::from_array(values);
-            self.origins[index] =
-                Origin { provenance: "set".into(), source: "--set".into(), line: None };
-        } else if path == SEGMENTS {
-            let count = text.parse().ok().and_then(whole_segments).ok_or_else(|| {
-                let help = "3 is the published real-time model, 10 the high-fidelity one".into();
-                wrong(format!("segments are a whole number from 1 to {MAX_SEGMENTS}"), help)
-            })?;
-            self.segment_shares = vec![1.0; count];
-        } else if path == SEGMENT_LENGTHS {
-            let list = text.trim_matches(['[', ']']);
-            let lengths: Result<Vec<f64>, _> =
-                list.split(',').map(|item| item.trim().parse::<f64>()).collect();
-            self.segment_shares = lengths.ok().filter(|l| valid_lengths(l)).ok_or_else(|| {
-                let help = "for example --set boom.segment_lengths_mm=1200,1200,1200".into();
-                wrong(format!("not a list of 1 to {MAX_SEGMENTS} lengths"), help)
-            })?;
-        } else if path == NAME {
-            self.name = text.into();
-        } else if let Some(allowed) = Choices::allowed(path) {
-            let unknown = || {
-                wrong(
-                    format!("`{}` is not known", quoted(text)),
-                    format!("one of: {}", allowed.join(", ")),
-                )
-            };
-            if path == crate::schema::CircuitChoice::PATH || path == StructureChoice::PATH {
-                let help =
-                    "another circuit or structure needs other keys: write a crane file".into();
-                return Err(wrong(format!("{path} cannot be overridden"), help));
-            }
-            if !self.choices.set(path, text) {
-                return Err(unknown());
-            }
-        } else {
-            return Err(wrong(format!("unknown key `{}`", quoted(path)), suggestion(path)));
-        }
-        Ok(())
-    }
 }
 
 impl Reading<'_> {
@@ -559,14 +367,7 @@ impl Reading<'_> {
             return failed(vec![Problem::plain(text, None)]);
         }
         if !strangers.is_empty() {
-            let problems = strangers.into_iter().map(|(index, why)| {
-                let message = format!("this crane has no `{}`", KEYS[index].path());
-                match self.origins[index].line.map(|line| line_span(self.text, line)) {
-                    Some(span) => self.problem_at(span, message, "not of this crane", why.into()),
-                    None => Problem::plain(message, Some(why.into())),
-                }
-            });
-            return failed(problems.collect());
+            return failed(self.foreign(&strangers));
         }
         let name = text(NAME).map(String::from);
         for (present, path) in [(self.shares.is_some(), SEGMENTS), (name.is_some(), NAME)] {
@@ -593,19 +394,36 @@ impl Reading<'_> {
             file_ranges: self.ranges.clone(),
             is_embedded: false,
         };
-        if let Some((path, message, help)) = description.impossible() {
-            let line = KEYS
-                .iter()
-                .position(|key| key.path() == path)
-                .and_then(|index| description.origins[index].line);
-            let span = line.map(|line| line_span(self.text, line));
-            let problem = match span {
-                Some(span) => self.problem_at(span, message, "this key, among others", help),
-                None => Problem::plain(message, Some(help)),
-            };
-            return failed(vec![problem]);
+        match self.impossibility(&description) {
+            Some(problem) => failed(vec![problem]),
+            None => Ok(description),
         }
-        Ok(description)
+    }
+
+    /// Problems of keys that this kind of crane does not have, each with the reason.
+    fn foreign(&self, strangers: &[(usize, &'static str)]) -> Vec<Problem> {
+        let of = |(index, why): &(usize, &'static str)| {
+            let message = format!("this crane has no `{}`", KEYS[*index].path());
+            let help = String::from(*why);
+            match self.origins[*index].line.map(|line| line_span(self.text, line)) {
+                Some(span) => self.problem_at(span, message, "not of this crane", help),
+                None => Problem::plain(message, Some(help)),
+            }
+        };
+        strangers.iter().map(of).collect()
+    }
+
+    /// Why the machine is impossible, at the key that says so.
+    fn impossibility(&self, description: &Description) -> Option<Problem> {
+        let (path, message, help) = description.impossible()?;
+        let line = KEYS
+            .iter()
+            .position(|key| key.path() == path)
+            .and_then(|index| description.origins[index].line);
+        Some(match line.map(|line| line_span(self.text, line)) {
+            Some(span) => self.problem_at(span, message, "this key, among others", help),
+            None => Problem::plain(message, Some(help)),
+        })
     }
 }
 

@@ -1,8 +1,8 @@
 //! Default spreads: plausible ranges of values for which a crane file states no range.
 //!
 //! One source is the variation between the virtual cranes of the Monte Carlo studies
-//! (`lab/src/closed_loop/monte_carlo.rs`). The other is the ranges of estimates in `cranes/uia-single-boom.toml` and
-//! `cranes/uia-virtual.toml`.
+//! (`lab/src/closed_loop/monte_carlo/variation.rs`). The other is the ranges of estimates in
+//! `cranes/uia-single-boom.toml` and `cranes/uia-virtual.toml`.
 
 /// Width of a default range about a key's value.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,143 +11,26 @@
 //! It is no safety function in the sense of ISO 13849: it runs on an ordinary computer, by an
 //! ordinary program. A hardware emergency stop that cuts drive and valve stays where it is.
 
+mod decision;
+mod monitors;
+mod stop;
+
+pub use decision::{Decision, Request, State};
+pub use stop::CONTROLLED_RAMP;
+
 use super::deadline_monitor::DeadlineMonitor;
 use super::drive_monitor::DriveMonitorState;
 use super::fault::{Cause, Reaction};
-use super::flow_monitor::{FlowMonitorState, FlowReading};
+use super::flow_monitor::FlowMonitorState;
 use super::limits::{Limits, MachineStatus, Observation, ValveState};
 use super::oscillation_detector::{OscillationDetector, OscillationState};
-use super::plausibility::{Plausibility, RUNAWAY};
+use super::plausibility::Plausibility;
 use super::release::{Refusal, ReleaseInput, ReleaseState, phase};
 use super::waiting::Waiting;
 use crate::command::AxisCommand;
 use crate::measurement::AxisSignals;
-
-/// What the machine is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
-    /// Nothing has been asked for; nothing acts.
-    Idle,
-    /// Readings are plausible; nothing acts.
-    Ready,
-    /// The load hangs on its valves; before a motion the pump takes it over.
-    Holding,
-    /// The valves are open, the controller moves the load.
-    Moving,
-    /// The load is brought to rest, then held.
-    Stopping,
-    /// Something was wrong; the load is held until a person resets.
-    Fault,
-}
-
-impl State {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Idle, Self::Ready, Self::Holding, Self::Moving, Self::Stopping, Self::Fault];
-
-    /// Name in logs and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Idle => "Idle",
-            Self::Ready => "Ready",
-            Self::Holding => "Holding",
-            Self::Moving => "Moving",
-            Self::Stopping => "Stopping",
-            Self::Fault => "Fault",
-        }
-    }
-
-    /// The state of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|state| state.name() == name)
-    }
-}
-
-/// What a person, or the program for him, asks for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Request {
-    /// Nothing.
-    #[default]
-    None,
-    /// Watch the machine.
-    Enable,
-    /// Switch the drive on, load held.
-    Hold,
-    /// Release the load and move.
-    Start,
-    /// Come to rest and hold.
-    Stop,
-    /// Hold at once.
-    EmergencyStop,
-    /// After a fault: watch the machine again.
-    Reset,
-}
-
-/// What is to be sent, and what the machine is doing.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Decision {
-    /// What to send.
-    pub command: AxisCommand<f64>,
-    /// What the machine is doing.
-    pub state: State,
-    /// Why it is in [`State::Fault`].
-    pub cause: Option<Cause>,
-    /// Whether the controller has the load: then its course runs.
-    pub controls: bool,
-    /// Whether a release is under way: the pump proves that it carries the load.
-    pub releasing: bool,
-    /// What the state waits for.
-    pub waiting: Waiting,
-    /// For how long it has waited for that \[s\].
-    pub waited: f64,
-    /// Amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found while the controller has had
-    /// the load.
-    pub oscillation: Option<[f64; 2]>,
-}
-
-impl Decision {
-    /// Of a machine that nothing has been asked of: valve shut, motor at zero.
-    pub const IDLE: Self = Self {
-        command: HELD,
-        state: State::Idle,
-        cause: None,
-        controls: false,
-        releasing: false,
-        waiting: Waiting::Enable,
-        waited: 0.0,
-        oscillation: None,
-    };
-
-    /// Whether motor and valve are commanded to rest.
-    pub fn is_at_rest(&self) -> bool {
-        self.command == HELD
-    }
-
-    /// Whether the machine's drives are to follow: from Holding on, and until a stop has ended.
-    pub fn is_enabled(&self) -> bool {
-        let acts = matches!(self.state, State::Holding | State::Moving | State::Stopping);
-        acts || !self.is_at_rest()
-    }
-}
-
-/// Motor at zero, load held.
-const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
-
-/// Time constant in which the peak velocity of a swinging load is forgotten, in periods of the load
-/// mode: what counts is the last swing.
-const SWING_MEMORY: f64 = 1.5;
-/// Share of a controlled stop in which the motor is ramped to zero; the rest is the load's to come to rest.
-pub const CONTROLLED_RAMP: f64 = 0.75;
-
-/// A stop under way.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Stop {
-    reaction: Reaction,
-    /// Motor speed as read when it began \[rev/s\].
-    from: f64,
-    /// Time since then \[s\].
-    since: f64,
-}
+use decision::HELD;
+use stop::Stop;
 
 /// The supervisor at work.
 #[derive(Clone, Debug)]
@@ -479,67 +362,6 @@ impl Supervisor {
         }
     }
 
-    /// Goes to [`State::Fault`] with the reaction that suits the cause and what the machine does now.
-    fn fail(&mut self, cause: Cause, seen: &Observation) {
-        // a controlled stop needs a machine that still obeys: its valve is open, as read or, where it
-        // cannot be read, as pump side and cylinder show that agree; and its watchdog has not stopped it
-        let is_open = match seen.valve {
-            Some(valve) => valve == ValveState::Open,
-            None => self.has_opened() && self.disagreeing == 0.0,
-        };
-        let obeys =
-            self.command.holding_valve > 0.0 && is_open && seen.elapsed <= self.limits.watchdog;
-        let reaction = match cause.reaction() {
-            Reaction::ControlledStop if obeys => Reaction::ControlledStop,
-            _ => Reaction::ImmediateStop,
-        };
-        let is_trusted = seen.age <= self.limits.stale && seen.elapsed <= self.limits.watchdog;
-        let is_stopping = matches!(self.state, State::Fault | State::Stopping);
-        let goes_on = is_stopping && self.stop.reaction == reaction;
-        if !goes_on {
-            self.begin_stop(reaction, &seen.reading, is_trusted);
-        }
-        self.enter(State::Fault);
-        self.cause = Some(cause);
-        self.continue_stop();
-    }
-
-    /// Begins a stop from the motor's speed as read; a reading that is not trusted counts as a motor
-    /// at rest, which the drive's own slew limit brakes.
-    fn begin_stop(&mut self, reaction: Reaction, reading: &AxisSignals<f64>, is_trusted: bool) {
-        let most = self.limits.motor_speed;
-        let from = match is_trusted && reading.motor_speed.is_finite() {
-            // no faster than the drive can be after what it was commanded
-            true => self.drive.plausible(reading.motor_speed).max(-most).min(most),
-            false => 0.0,
-        };
-        self.stop = Stop { reaction, from, since: 0.0 };
-    }
-
-    /// Goes on with a stop; true once motor and valve are commanded to rest.
-    fn continue_stop(&mut self) -> bool {
-        let Stop { reaction, from, since } = self.stop;
-        match reaction {
-            Reaction::ControlledStop => {
-                let left = (1.0 - since / (CONTROLLED_RAMP * self.limits.stop_time)).max(0.0);
-                self.command.motor_speed = from * left;
-                if since >= self.limits.stop_time {
-                    self.switch(0.0);
-                }
-            }
-            Reaction::ImmediateStop => {
-                self.switch(0.0);
-                let braked = self.limits.motor_slew * since;
-                self.command.motor_speed = from.signum() * (from.abs() - braked).max(0.0);
-            }
-        }
-        if self.command.motor_speed == 0.0 {
-            // a negative zero is a zero
-            self.command.motor_speed = 0.0;
-        }
-        self.command == HELD
-    }
-
     /// Commands the valve: 1 energised, 0 not.
     fn switch(&mut self, valve: f64) {
         if self.command.holding_valve != valve {
@@ -583,129 +405,6 @@ impl Supervisor {
             true => [a[0], a[1], b[0], b[1]],
             false => [b[0], b[1], a[0], a[1]],
         }
-    }
-
-    /// The most severe of all that is wrong, if anything. Monitors of measurements, drive, valve and deadlines
-    /// take in every period in every state; position against flow, and pump side against cylinder, while the
-    /// valve is open; course and end stops while the controller moves the load.
-    fn judge(&mut self, seen: &Observation, elapsed: f64, has_passed: bool) -> Option<Cause> {
-        let l = self.limits;
-        let r = &seen.reading;
-        let mut wrong: Option<Cause> = None;
-        let mut found = |cause: Cause| wrong = Some(wrong.map_or(cause, |w| w.worse(cause)));
-
-        if seen.clock_jumped || !has_passed {
-            found(Cause::ClockJumped);
-        }
-        // first, because readings step over such an interval
-        let is_active = self.is_active();
-        if is_active && (elapsed > l.watchdog || seen.commands_lost) {
-            found(Cause::WatchdogExpired);
-        }
-        match seen.machine {
-            Some(MachineStatus::Fault { .. }) => found(Cause::MachineFault),
-            Some(MachineStatus::Absent | MachineStatus::Starting) => found(Cause::MachineNotReady),
-            Some(MachineStatus::Ready) if is_active => found(Cause::MachineNotReady),
-            Some(MachineStatus::Ready | MachineStatus::Enabled) | None => {}
-        }
-        // pressures that were shut in step when the valve opens or shuts
-        let is_switching = self.valve_since < l.valve_time + l.stale;
-        if let Some(cause) = self.plausibility.judge(seen, &l, is_switching) {
-            found(cause);
-        }
-        self.plausibility.remember(seen, &l, SWING_MEMORY * l.still.1);
-        if self.deadlines.executed(seen.missed) > l.missed {
-            found(Cause::Overruns);
-        }
-        if seen.new_readings > 0 && self.losses.executed(seen.lost_readings) > l.missed {
-            found(Cause::MeasurementsLost);
-        }
-        if self.state != State::Fault && is_active && !seen.attended {
-            found(Cause::OperatorLost);
-        }
-        if r.motor_speed.is_finite() && self.state != State::Idle {
-            let commanded = self.command.motor_speed;
-            let load = r.pressure_pump_a - r.pressure_pump_b;
-            let verdict = l.drive.judge(&mut self.drive, commanded, r.motor_speed, load, elapsed);
-            if verdict.uncommanded {
-                found(Cause::DriveUncommanded);
-            } else if verdict.deviates && is_active {
-                found(Cause::DriveNotFollowing);
-            }
-        }
-        let commanded = match self.command.holding_valve > 0.0 {
-            true => ValveState::Open,
-            false => ValveState::Shut,
-        };
-        let has_switched = self.valve_since > l.valve_time + l.stale;
-        if self.state != State::Idle && has_switched && seen.valve.is_some_and(|v| v != commanded) {
-            found(Cause::ValveNotFollowing);
-        }
-        // faster than the pump can drive it: the piston moves by itself
-        let fastest = l.motor_speed * l.speed_per_motor_speed;
-        if self.plausibility.velocity().abs() > RUNAWAY * fastest.max(l.speed) {
-            found(Cause::Runaway);
-        }
-        match self.state {
-            State::Ready | State::Holding | State::Fault => {
-                // a release lifts the load, and never lowers it
-                let moved = self.held_at.map_or(0.0, |at| r.stroke - at);
-                let against = -l.release.direction * moved;
-                let releasing = self.release.is_some();
-                if (if releasing { against } else { moved.abs() }) > l.creep {
-                    found(Cause::LoadNotHeld);
-                }
-            }
-            State::Moving if !self.controls() => {
-                let sank = self.held_at.map_or(0.0, |at| l.release.direction * (at - r.stroke));
-                if sank > l.creep {
-                    found(Cause::LoadSank);
-                }
-            }
-            State::Moving => {
-                if !seen.wanted.is_finite() {
-                    found(Cause::ControllerInvalid);
-                }
-                // a reference that is not a number is no reference
-                let is_near = (r.stroke - seen.reference).abs() <= seen.tracking;
-                if !is_near {
-                    found(Cause::TrackingError);
-                }
-                // slower than this a piston may touch its stop
-                let touches = l.creep / l.still.1;
-                let velocity = self.plausibility.velocity();
-                let margin = l.end_margin(velocity);
-                let is_low = r.stroke < margin && velocity < -touches;
-                let is_high = r.stroke > l.stroke - margin && velocity > touches;
-                if is_low || is_high {
-                    found(Cause::EndOfStroke);
-                }
-            }
-            _ => {}
-        }
-        if self.has_opened() {
-            let [pump, load, other_pump, _] = self.sides(r);
-            let (most, time) = l.pressure_agreement;
-            let apart = (pump - load).abs() > most;
-            self.disagreeing = if apart { self.disagreeing + elapsed } else { 0.0 };
-            if self.disagreeing > time {
-                found(Cause::PressureDisagrees);
-            }
-            let reading = FlowReading {
-                stroke: r.stroke,
-                motor_speed: r.motor_speed,
-                pressures: [pump, load, other_pump, r.pressure_accumulator],
-            };
-            // where readings were missed, the pump has delivered all the same
-            self.unread += elapsed;
-            if seen.new_readings > 0 {
-                let unread = core::mem::take(&mut self.unread);
-                if l.flow.advance(&mut self.flow, &reading, unread) > 0.0 {
-                    found(Cause::PositionFlowDisagree);
-                }
-            }
-        }
-        wrong
     }
 }
 

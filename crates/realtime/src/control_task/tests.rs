@@ -1,6 +1,7 @@
 //! Fallback to the benchmark controller, and recovery of what failed.
 
 use super::*;
+use crate::machine::Incoming;
 use crate::operator::Operator;
 use crate::simulation_task::SimulationTask;
 use hydroboom_control::estimation::state_estimator::StateEstimator;

@@ -1,0 +1,39 @@
+//! Prefix of the names that a generated source exports.
+
+use crate::error::ExportError;
+
+/// Prefix of all types and functions with external linkage, so that several cranes can be linked into one program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Prefix(String);
+
+impl Prefix {
+    /// Longest prefix: names stay below the 63 characters that C99 and linkers distinguish.
+    pub const LONGEST: usize = 24;
+
+    /// A prefix for C names.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError::Prefix`] if it is empty, longer than [`LONGEST`](Self::LONGEST), begins with a digit or an
+    /// underscore (reserved for the compiler), or contains anything but ASCII letters, digits and underscores.
+    pub fn new(text: &str) -> Result<Self, ExportError> {
+        let is_name = text.starts_with(|c: char| c.is_ascii_alphabetic())
+            && text.len() <= Self::LONGEST
+            && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        match is_name {
+            true => Ok(Self(text.into())),
+            false => Err(ExportError::Prefix { found: text.into(), longest: Self::LONGEST }),
+        }
+    }
+
+    /// The prefix as text.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Default for Prefix {
+    fn default() -> Self {
+        Self("hb_".into())
+    }
+}
