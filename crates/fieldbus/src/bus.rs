@@ -325,6 +325,7 @@ impl<L: Link> Bus<L> {
         for (shown, drive) in record.drives.iter_mut().zip(&self.drives) {
             *shown = [drive.statusword(), drive.error()];
         }
+        record.image.record(&self.outputs, &self.inputs);
         record.fault = self.fault.map(|(fault, _)| fault);
         if records.push(record).is_err() {
             self.counters.records_lost += 1;

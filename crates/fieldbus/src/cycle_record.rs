@@ -2,8 +2,12 @@
 
 use crate::fault::Fault;
 use crate::start_up::MOST_DEVICES;
+use crate::table::Table;
 use ethercrab::SubDeviceState;
 use hydroboom_control::measurement::AXES;
+
+/// Largest process image that is recorded \[byte\]: a longer one is cut. A drive and a dozen terminals have about 100.
+pub const LARGEST_IMAGE: usize = 256;
 
 /// One cycle of the bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,8 +22,48 @@ pub struct CycleRecord {
     pub states: [u8; MOST_DEVICES],
     /// Statusword and error code (0x603F, 0 where the drive does not show it) of each drive.
     pub drives: [[u16; 2]; AXES],
+    /// Process data as sent last and as received last.
+    pub image: ProcessImage,
     /// The fault that stopped the machine.
     pub fault: Option<Fault>,
+}
+
+/// Process data of all devices in the order of the line, each with its outputs before its inputs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct ProcessImage([u8; LARGEST_IMAGE]);
+
+impl Default for ProcessImage {
+    fn default() -> Self {
+        Self([0; LARGEST_IMAGE])
+    }
+}
+
+impl std::fmt::Debug for ProcessImage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ProcessImage").finish_non_exhaustive()
+    }
+}
+
+impl ProcessImage {
+    /// Copies outputs and inputs of each device.
+    pub(crate) fn record(&mut self, outputs: &[Vec<u8>], inputs: &[Vec<u8>]) {
+        let bytes = outputs.iter().zip(inputs).flat_map(|(out, into)| out.iter().chain(into));
+        self.0.iter_mut().zip(bytes).for_each(|(to, byte)| *to = *byte);
+    }
+
+    /// Name, outputs and inputs of each device of the table that fits in whole.
+    pub fn devices<'a>(
+        &'a self,
+        table: &'a Table,
+    ) -> impl Iterator<Item = (&'a str, &'a [u8], &'a [u8])> {
+        let mut rest = &self.0[..];
+        table.devices.iter().map_while(move |row| {
+            let (outputs, after) = rest.split_at_checked(row.output_bytes())?;
+            let (inputs, after) = after.split_at_checked(row.input_bytes())?;
+            rest = after;
+            Some((row.name.as_str(), outputs, inputs))
+        })
+    }
 }
 
 /// One exchange.

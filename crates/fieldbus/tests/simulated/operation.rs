@@ -173,3 +173,32 @@ fn a_drive_of_another_make_runs_too_increments_fixed_lists_with_gaps_and_sync1()
     // quick stop and fault by the drive's ramp, a lost connection is a fault
     assert_eq!(bus.facts()[1].reactions, [Some(2), Some(2), Some(1)]);
 }
+
+#[test]
+fn a_cycle_record_has_the_process_data_of_every_device() {
+    let (mut bus, _) = bus(table(|_| {}));
+    let mut machine = bus.take_machine().unwrap();
+    let mut records = bus.records();
+    for sequence in 1..=500 {
+        bus.measure();
+        machine.write(sequence, &enabled(after_rest(sequence, 12.0)));
+        bus.act();
+    }
+    let record = std::iter::from_fn(|| records.pop().ok()).last().unwrap();
+    let table = bus.table();
+    let images: Vec<_> = record.image.devices(table).collect();
+    let names: Vec<&str> = images.iter().map(|(name, ..)| *name).collect();
+    assert_eq!(names, table.devices.iter().map(|row| row.name.as_str()).collect::<Vec<_>>());
+    for row in &table.commanded {
+        let (_, outputs, _) = images[row.place.device];
+        let value = row.scale.value(row.scale.kind.number(row.place.read(outputs)));
+        let commanded = [12.0, 1.0][row.signal];
+        assert!((value - commanded).abs() < 1e-4, "{value}, commanded {commanded}");
+    }
+    let signals = machine.read().unwrap().measurement.axes[0].signals.to_array();
+    for row in table.measured.iter().filter(|row| row.signal < signals.len()) {
+        let (_, _, inputs) = images[row.place.device];
+        let value = row.scale.value(row.scale.kind.number(row.place.read(inputs)));
+        assert_eq!(value, signals[row.signal], "signal {}", row.signal);
+    }
+}

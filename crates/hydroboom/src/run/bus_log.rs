@@ -9,7 +9,7 @@ use rtrb::Consumer;
 use serde_json::{Map, Value, json};
 
 /// Names, with units, and JSON types of the fields.
-const FIELDS: [(&str, &str); 12] = [
+const FIELDS: [(&str, &str); 14] = [
     ("time_s", "number"),
     ("reading_number", "number"),
     ("device_time_s", "number"),
@@ -20,6 +20,8 @@ const FIELDS: [(&str, &str); 12] = [
     ("state", "object"),
     ("statusword", "object"),
     ("error_code", "object"),
+    ("outputs", "object"),
+    ("inputs", "object"),
     ("al_status_code", "number"),
     ("fault", "string"),
 ];
@@ -88,9 +90,17 @@ fn message(table: &Table, cycle: &CycleRecord, time: f64) -> Map<String, Value> 
     };
     put("statusword", drives().map(|(name, [word, _])| (name, json!(word))).collect());
     put("error_code", drives().map(|(name, [_, code])| (name, json!(code))).collect());
+    let images = || cycle.image.devices(table);
+    put("outputs", images().map(|(name, bytes, _)| (name.into(), json!(hex(bytes)))).collect());
+    put("inputs", images().map(|(name, _, bytes)| (name.into(), json!(hex(bytes)))).collect());
     if let Some(Fault::StateDropped { code, .. }) = cycle.fault {
         put("al_status_code", json!(code));
     }
     put("fault", json!(cycle.fault.map_or("", Fault::name)));
     message
+}
+
+/// Bytes in hexadecimal digits, the first one first.
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

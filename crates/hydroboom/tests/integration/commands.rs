@@ -598,7 +598,8 @@ fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
 }
 
 #[test]
-fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
+#[ignore = "campaign"]
+fn campaign_an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     let folder = folder("calibrate");
     // a crane of three segments and a short motion are sufficient and fast
     let mut text = hydroboom_description::UIA_VIRTUAL.to_string();

@@ -309,22 +309,31 @@ fn units_that_are_guessed_wrong_are_suspected_by_size() {
     assert_eq!(suspicions(&both), "");
 }
 
-/// The paper's crane with another load, without noise, with free delays and offsets of the channels. A load
-/// that is 35 % lighter is found. An almost empty hook, whose pressure is in the soft range of the oil, may
-/// be beyond a local minimum: then nothing is called determined, and the wider search is named.
+/// The paper's crane with another load, without noise, with free delays and offsets of the channels: a load
+/// that is 35 % lighter is found.
 #[test]
-fn another_load_is_found_or_the_search_is_called_a_local_one() {
-    let log = files("another-load")("log.csv");
-    for mass in [200.0, 60.0] {
-        let set = format!("payload.mass_kg={mass}");
-        said(&["simulate", "--set", &set, "--speed-mm-s", "120", "--log", &log]);
-        let text = said(&["tune", "--log", &log, "--to-s", "9", "--free", "payload.mass_kg"]);
-        let row = text.lines().find(|line| line.starts_with("payload.mass_kg")).unwrap();
-        let numbers: Vec<f64> = row.split_whitespace().filter_map(|n| n.parse().ok()).collect();
-        let [_, found, low, high] = numbers[..4] else { panic!("{row}") };
-        let is_found = (found - mass).abs() < 1.0 && low < mass && mass < high;
-        let is_called_local = text.contains("NOT right") && text.contains("--generations 20");
-        assert!(is_found || (mass < 200.0 && is_called_local), "{mass}: {text}");
-        assert_eq!(row.contains("yes"), is_found, "{row}");
-    }
+fn another_load_is_found() {
+    is_found_or_called_local("another-load", 200.0);
+}
+
+/// An almost empty hook, whose pressure is in the soft range of the oil, may be beyond a local minimum: then
+/// nothing is called determined, and the wider search is named.
+#[test]
+#[ignore = "campaign"]
+fn campaign_an_empty_hook_is_found_or_the_search_is_called_a_local_one() {
+    is_found_or_called_local("empty-hook", 60.0);
+}
+
+fn is_found_or_called_local(folder: &str, mass: f64) {
+    let log = files(folder)("log.csv");
+    let set = format!("payload.mass_kg={mass}");
+    said(&["simulate", "--set", &set, "--speed-mm-s", "120", "--log", &log]);
+    let text = said(&["tune", "--log", &log, "--to-s", "9", "--free", "payload.mass_kg"]);
+    let row = text.lines().find(|line| line.starts_with("payload.mass_kg")).unwrap();
+    let numbers: Vec<f64> = row.split_whitespace().filter_map(|n| n.parse().ok()).collect();
+    let [_, found, low, high] = numbers[..4] else { panic!("{row}") };
+    let is_found = (found - mass).abs() < 1.0 && low < mass && mass < high;
+    let is_called_local = text.contains("NOT right") && text.contains("--generations 20");
+    assert!(is_found || (mass < 200.0 && is_called_local), "{mass}: {text}");
+    assert_eq!(row.contains("yes"), is_found, "{row}");
 }

@@ -83,7 +83,8 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
 
 /// Section 5.2: the paper's manually tuned model differs from its crane as in Table 6.
 #[test]
-fn a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_seen() {
+#[ignore = "campaign"]
+fn campaign_a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_seen() {
     let path = files("table-6");
     let (seen, unseen) = (path("open.csv"), path("closed.csv"));
     for (strategy, log) in [("velocity-feedforward", &seen), ("benchmark-closed-loop", &unseen)] {
@@ -222,8 +223,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     std::fs::remove_file(&journal).unwrap();
 
     // interrupted as by Ctrl-C and restarted: the same result as without an interruption
-    let whole = parsed(&tune);
-    let kept = [&tune[..], &["--out", &tuned]].concat();
+    let kept = [&tune[..], &["--hold-out", "4:5", "--out", &tuned]].concat();
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
         .args(&kept)
         .stdout(std::process::Stdio::null())
@@ -240,7 +240,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     let _ = child.wait().unwrap();
     let again = parsed(&kept);
     let value = |found: &serde_json::Value| found["keys"][0]["after"].as_f64().unwrap();
-    assert!((value(&again) / value(&whole) - 1.0).abs() < 1e-4, "{again} {whole}");
+    assert!((value(&again) / value(&found) - 1.0).abs() < 1e-4, "{again} {found}");
     assert!(!std::path::Path::new(&journal).exists());
 }
 

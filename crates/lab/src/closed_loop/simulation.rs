@@ -121,16 +121,34 @@ pub fn simulate_closed_loop(
     crane: &Description,
     choice: impl Into<ControllerChoice>,
     course: &dyn Course,
-    mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
+    observe: impl FnMut(&Sample) -> Result<(), LabError>,
 ) -> Result<(), LabError> {
     let choice = choice.into();
+    let controller = choice.controller(model)?;
+    simulate_controller(model, crane, (choice.name(), controller), course, observe)
+}
+
+/// The same for any [`Controller`] with its name in messages. It is called once per control period of the
+/// model's crane file, and knows the fieldbus delay of that file.
+///
+/// # Errors
+///
+/// See [`simulate_closed_loop`].
+pub fn simulate_controller(
+    model: &Description,
+    crane: &Description,
+    (name, controller): (&str, Box<dyn Controller>),
+    course: &dyn Course,
+    mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
+) -> Result<(), LabError> {
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
-    let mut controlled = chosen(model, choice, course, &crane.measurement())?;
+    let delay = known_delay(model);
+    let mut controlled = Loop::start(model, controller, delay, course, &crane.measurement())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
-    let during = format!("{}, {}", choice.name(), course.name());
+    let during = format!("{name}, {}", course.name());
 
     for number in 0..=periods {
         let now = Now { course, period, number };

@@ -4,6 +4,7 @@
 
 mod baselines;
 mod derivatives;
+mod first_controller;
 mod independent_plant;
 mod learning;
 mod log_estimation;

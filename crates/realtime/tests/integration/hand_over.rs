@@ -91,8 +91,22 @@ fn largest_error_in(seen: &[Seen], times: Range<f64>) -> f64 {
 ///   of the new strategy alone. In open loop the limit is twice that, because the error may have had the
 ///   opposite sign.
 /// - Three seconds after its activation the scheduled LQR has no larger error than alone.
+///
+/// One of the moments for each pair of strategies.
 #[test]
 fn a_hand_over_in_motion_moves_neither_the_command_nor_the_piston() {
+    hand_over_at(1);
+}
+
+/// The same at every moment.
+#[test]
+#[ignore = "campaign"]
+fn campaign_a_hand_over_at_any_moment_moves_neither_the_command_nor_the_piston() {
+    hand_over_at(MOMENTS.len());
+}
+
+/// Hand-overs between the scheduled LQR and each other strategy at so many of the moments, in turn.
+fn hand_over_at(moments: usize) {
     let alone: Vec<Vec<Seen>> =
         Strategy::ALL.par_iter().map(|s| course(|_| *s, &mut Undisturbed)).collect();
     let own = |strategy: Strategy| {
@@ -100,12 +114,11 @@ fn a_hand_over_in_motion_moves_neither_the_command_nor_the_piston() {
         &alone[place.unwrap()]
     };
     let others = Strategy::ALL.into_iter().filter(|s| *s != LQR);
-    // the moments in turn
     let cases: Vec<_> = others
         .flat_map(|other| [(other, LQR), (LQR, other)])
         .enumerate()
         .flat_map(|(k, (first, then))| {
-            [k, k + 1].map(|k| (first, then, MOMENTS[k % MOMENTS.len()]))
+            (k..k + moments).map(move |k| (first, then, MOMENTS[k % MOMENTS.len()]))
         })
         .collect();
     cases.into_par_iter().for_each(|(first, then, at)| {

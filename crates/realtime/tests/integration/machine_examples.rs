@@ -137,6 +137,14 @@ impl Rig {
         panic!("it does not come to full speed");
     }
 
+    /// Runs on without a machine: it is reported as lost as soon as its measurements are stale.
+    fn finds_the_machine_lost(&mut self) {
+        let causes: Vec<Option<Cause>> = (0..500).map(|_| self.period().decision.cause).collect();
+        let found = causes.iter().position(|cause| cause.is_some()).unwrap();
+        assert_eq!(causes[found], Some(Cause::MachineLost));
+        assert!(found as f64 * PERIOD <= self.limits.stale + 3.0 * PERIOD, "{found}");
+    }
+
     /// Upper bound of the piston's travel after the last command [mm].
     fn stopping_distance(&self) -> f64 {
         1e3 * self.limits.speed * (self.limits.stopping_time() + WATCHDOG.as_secs_f64())
@@ -234,10 +242,7 @@ fn a_machine_that_is_stopped_is_lost_and_holds_its_load_when_it_goes_on() {
         assert!(Command::new("kill").args([name, &process]).status().unwrap().success());
     };
     signal("-STOP");
-    let causes: Vec<Option<Cause>> = (0..500).map(|_| rig.period().decision.cause).collect();
-    let found = causes.iter().position(|cause| cause.is_some()).unwrap();
-    assert_eq!(causes[found], Some(Cause::MachineLost));
-    assert!(found as f64 * PERIOD <= rig.limits.stale + 3.0 * PERIOD, "{found}");
+    rig.finds_the_machine_lost();
     signal("-CONT");
     // it is commanded to hold its load, and does
     let mut last = rig.period();
@@ -253,4 +258,19 @@ fn a_machine_that_is_stopped_is_lost_and_holds_its_load_when_it_goes_on() {
         (end - stopped_at).abs() < most,
         "from {stopped_at} to {end} mm, {most} mm are allowed"
     );
+}
+
+/// Its port is closed from then on (SIGKILL), which the operating system reports to the controller's socket.
+#[test]
+fn a_machine_that_is_killed_is_lost_and_the_fault_stands() {
+    let mut rig = Rig::at_full_speed(in_c());
+    rig.machine.kill().unwrap();
+    rig.machine.wait().unwrap();
+    rig.finds_the_machine_lost();
+    let last = rig.period();
+    assert_eq!(
+        (last.decision.state, last.decision.cause),
+        (State::Fault, Some(Cause::MachineLost))
+    );
+    assert_eq!(last.decision.command.holding_valve, 0.0);
 }
