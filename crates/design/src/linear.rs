@@ -57,8 +57,9 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
         .ok_or_else(|| DesignError::Eigenvalues("the iteration does not end".into()))
 }
 
-/// The matrix S⁻¹ A S with rows and columns scaled by powers of two until they are of like size, and S: pressures
-/// and angles differ by ten orders of magnitude, which would cost the small eigenvalues.
+/// The balanced matrix S⁻¹ A S, with rows and columns scaled by powers of two until they are of similar
+/// size, and S. Pressures and angles differ by ten orders of magnitude; unscaled, the small eigenvalues
+/// would be inaccurate.
 pub(crate) fn balanced(a: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let mut m = a.clone();
     let n = m.nrows();
