@@ -1,7 +1,7 @@
 //! Paths given to commands: inputs and outputs.
 //!
 //! The type of an option states the role of its path, so that all paths of a command are checked before it
-//! starts: no output is an input, and no two outputs are the same file.
+//! starts. No output may be an input, and no two outputs the same file.
 
 use crate::machine_argument::MachineArgument;
 use crate::output;

@@ -222,8 +222,8 @@ impl Found {
 }
 
 /// Explanation of the columns.
-const ENDS: &str = "less, more: the ends of what is known of the key, by its provenance, and the output of the machine re-run there (-: there is no such \
-    machine, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
+const ENDS: &str = "less, more: the ends of the key's prior range, by its provenance, and the output of the machine re-run there \
+    (-: no such machine exists, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
 
 fn said(found: &Found) -> String {
     let mut said = String::new();

@@ -195,8 +195,8 @@ fn charge(crane: &Description, experiment: &Experiment) -> Option<String> {
     let is_alone = others.iter().all(|signal| !experiment.is_measured(*signal));
     (is_alone && off.abs() > LIMITS.least_pressure).then(|| {
         format!(
-            "p_acc begins {:+.2} bar off accumulator.working_bar: an offset of its sensor cannot be told from another precharge or filling without p_B or p_PB, \
-             and the model begins with what was read",
+            "p_acc begins {:+.2} bar off accumulator.working_bar. Without p_B or p_PB an offset of its sensor cannot be distinguished from another \
+             precharge or filling. The model begins with the measured pressure",
             off * 1e-5
         )
     })
@@ -347,12 +347,12 @@ fn page(
     let paper_row = |signal: Signal| paper::TABLE_6.iter().find(|row| row.0 == signal.symbol());
     let driven_by = match crane.choices.circuit {
         CircuitChoice::SelfContained => {
-            "the log's motor speed and valve, and starts at rest where the log's piston is, with the log's pressures but for the one that \
-                 carries the load"
+            "the log's motor speed and valve. It starts at rest at the log's piston position with the log's pressures, except for the one \
+                 that carries the load"
         }
         CircuitChoice::ValveControlled => {
-            "the log's valve command, supply and tank pressure, and starts at rest where the log's piston is, with the log's pressures, as \
-                  far as friction can hold what they do not carry"
+            "the log's valve command, supply and tank pressure. It starts at rest at the log's piston position with the log's pressures, \
+                  if friction can carry the remaining load"
         }
     };
     let body = html! {

@@ -241,7 +241,7 @@ fn late(from: &str, to: &str, column: &str, rows: usize) {
     std::fs::write(to, lines.join("\n")).unwrap();
 }
 
-/// One sensor with an offset of 5 bar or a scale error of 4 %: it is isolated, and no key is proposed,
+/// One sensor has an offset of 5 bar or a scale error of 4 %. It is isolated, and no key is proposed,
 /// because the sensor on the other side of the open valve contradicts it. A wrong load shows in both
 /// sensors and is no sensor fault.
 #[test]
@@ -311,7 +311,7 @@ fn units_that_are_guessed_wrong_are_suspected_by_size() {
 
 /// The paper's crane with another load, without noise, with free delays and offsets of the channels. A load
 /// that is 35 % lighter is found. An almost empty hook, whose pressure is in the soft range of the oil, may
-/// be beyond a local minimum: then nothing is called determined, and the wider search is named.
+/// be beyond a local minimum. Then nothing is called determined, and the wider search is named.
 #[test]
 fn another_load_is_found_or_the_search_is_called_a_local_one() {
     let log = files("another-load")("log.csv");
