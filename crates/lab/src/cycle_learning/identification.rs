@@ -238,8 +238,8 @@ mod tests {
         IDENTIFIED.iter().zip(distances).map(key).collect()
     }
 
-    /// A log as informative as the prior moves an estimate half of the way: three such keys of a crane 3.6 standard
-    /// deviations away contradict the prior, as one well determined key does.
+    /// A log as informative as the prior moves an estimate half of the way. Three such keys of a crane 3.6
+    /// standard deviations away contradict the prior, as one well determined key does.
     #[test]
     fn estimates_that_are_drawn_towards_what_was_known_are_held_against_how_they_vary() {
         let half = 0.5_f64.sqrt() * 0.29;

@@ -114,7 +114,7 @@ fn too_little_motion(model: &Description, log: &Signals, window: Window) -> Opti
     let [out, back] = travel.map(|travel| 1e3 * travel);
     travel.iter().any(|travel| *travel < LEAST_TRAVEL * motion).then(|| {
         format!(
-            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm; to identify pump and friction for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
+            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm. To identify pump and friction for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
             1e3 * motion,
             1e3 * LEAST_TRAVEL * motion
         )
