@@ -142,7 +142,7 @@ pub fn read(
         let expected = deviations[0].hypot(deviations[1]);
         if off.abs() > CONTRADICTION * expected {
             return Err(other(format!(
-                "{what} is {:.1} {unit} off the crane file's value, where {:.1} {unit} are {CONTRADICTION} standard deviations of both: check oil, pump and crane file, or delete the file to begin anew",
+                "{what} is {:.1} {unit} off the crane file's value; {CONTRADICTION} standard deviations of both are {:.1} {unit}. Check oil, pump and crane file, or delete the file to begin anew",
                 off / size,
                 CONTRADICTION * expected / size
             )));
