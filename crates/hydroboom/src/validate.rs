@@ -393,7 +393,7 @@ fn page(
         @for (signal, segment, both, difference) in &figures {
             @let paper = if is_published { format!(", as the paper's figure {}", paper_figure(*signal)) } else { String::new() };
             (figure(&format!("{}{segment}{paper}: log and model, over the time since the log's first sample that is compared.", signal.symbol()), both))
-            (figure(&format!("{}{segment}, log less model: of a model that is right, what the sensor scatters about zero.", signal.symbol()), difference))
+            (figure(&format!("{}{segment}, log less model. For a correct model this is sensor noise about zero.", signal.symbol()), difference))
         }
     };
     Ok(document("Hydroboom: log and model", &body))

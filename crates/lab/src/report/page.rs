@@ -179,7 +179,7 @@ fn differences(study: &Study) -> Markup {
         } }
         @if let Some(hz) = study.virtual_pressure_oscillation_hz {
             p {
-                "The virtual crane's p_A rings at " strong { (format!("{hz:.3} Hz")) }
+                "The virtual crane's p_A oscillates at " strong { (format!("{hz:.3} Hz")) }
                 @if let Some(paper) = study.paper_measured_pressure_oscillation_hz {
                     " (measured on the paper's crane: " (format!("{paper:.3}")) " Hz)"
                 }
