@@ -69,7 +69,7 @@ impl Estimator {
         drop(work);
         let found = found.into_diagnostic()?;
         if found.cranes.is_empty() {
-            bail!("none of {} cranes had gone all the way when it was interrupted", self.family);
+            bail!("interrupted before any of {} cranes had completed its courses", self.family);
         }
         if self.json {
             return output::json(&json!({

@@ -170,7 +170,7 @@ impl Tip {
         drop(work);
         let found = found.into_diagnostic()?;
         if found.cranes.is_empty() {
-            bail!("none of {count} cranes had gone all the way: {}", found.failed.join("; "));
+            bail!("none of {count} cranes completed its course: {}", found.failed.join("; "));
         }
         let title = format!(
             "{} virtual cranes {}around \"{}\", seed {}, first {}, {along} under {}",

@@ -206,7 +206,7 @@ impl FlowBaseline {
         let text = hydroboom_files::text(path, "baseline", LONGEST)?;
         let other = |reason: String| BaselineError::Other { path: name.clone(), reason };
         let value: Value = serde_json::from_str(&text).map_err(|error| {
-            other(format!("not what `hydroboom run --record-baseline` writes: {error}"))
+            other(format!("not a file of `hydroboom run --record-baseline`: {error}"))
         })?;
         let number = |key: &str| {
             let read = value[key].as_f64().filter(|number| number.is_finite());

@@ -97,10 +97,10 @@ pub fn read(
     let text = own_text(path, "file of parameters", LONGEST)?;
     let other = |reason: String| ParameterFileError::Other { path: name.clone(), reason };
     let value: Value = serde_json::from_str(&text)
-        .map_err(|error| other(format!("not what `hydroboom run --parameters` writes: {error}")))?;
+        .map_err(|error| other(format!("not a file of `hydroboom run --parameters`: {error}")))?;
     if value["crane_digest"].as_str() != Some(&model.digest()) {
         return Err(other(format!(
-            "it is of another crane file than \"{}\", or of other overrides: delete it, and the next run writes it anew",
+            "it belongs to another crane file than \"{}\", or to other overrides: delete it, and the next run writes a new one",
             model.name
         )));
     }

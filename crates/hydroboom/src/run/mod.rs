@@ -17,7 +17,7 @@ use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::virtual_crane::strategies;
-use attachment::{Attached, Came};
+use attachment::{Attached, AttachmentResult};
 use clap::Args;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -427,7 +427,7 @@ impl Run {
         cranes: &Cranes,
         watch: &Watch,
         simulated: Option<&CourseResult>,
-        (real_time, bus): (Option<&RealTime>, Option<&Came>),
+        (real_time, bus): (Option<&RealTime>, Option<&AttachmentResult>),
     ) -> Result<()> {
         let results = &watch.results;
         let report = Report {
@@ -464,7 +464,7 @@ impl Run {
                 output::text(&said)?;
             }
         }
-        if let (Some(log), Some(frames)) = (&self.log, bus.and_then(Came::frames)) {
+        if let (Some(log), Some(frames)) = (&self.log, bus.and_then(AttachmentResult::frames)) {
             // never the log's own path
             let extension = if log.extension().is_some_and(|own| own == "pcapng") {
                 "bus.pcapng"
@@ -491,7 +491,7 @@ impl Run {
             Some(MachineStatus::Fault { code }) => format!(", the machine's code {code:#06x}"),
             _ => String::new(),
         };
-        let advice = match bus.and_then(Came::fault) {
+        let advice = match bus.and_then(AttachmentResult::fault) {
             Some(sentence) => sentence.to_string(),
             None => fault.cause.advice().to_string(),
         };

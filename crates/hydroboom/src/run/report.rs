@@ -1,6 +1,6 @@
 //! Report of a run as text and JSON.
 
-use super::attachment::Came;
+use super::attachment::AttachmentResult;
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
@@ -25,7 +25,7 @@ pub struct Report<'a> {
     /// Deadline statistics.
     pub real_time: Option<&'a RealTime>,
     /// What the attachment of a machine came to.
-    pub bus: Option<&'a Came>,
+    pub bus: Option<&'a AttachmentResult>,
 }
 
 /// End of a course.
@@ -74,7 +74,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "plant": self.cranes.json(), "attachment": self.bus.map(Came::json),
+            "plant": self.cranes.json(), "attachment": self.bus.map(AttachmentResult::json),
         })
     }
 
