@@ -101,7 +101,7 @@ impl LinearisedPlant {
         let (spring, load) = hydraulic_spring(self)?;
         let natural = load.natural_frequency(&spring) / TAU;
         let slowest = self.slowest_mode().filter(|mode| is_near(natural, mode.frequency_hz));
-        slowest.ok_or_else(|| self.none("its load is so damped that it does not oscillate"))
+        slowest.ok_or_else(|| self.none("its load mode is overdamped"))
     }
 
     /// The slowest oscillation where one of boom and oil may lie.

@@ -148,7 +148,7 @@ impl Design {
             })
             .collect();
         output::text(&format!(
-            "{}: by what factor a phase of the motion at {:.0} mm/s alone brings down the standard deviation of a state, without process noise; 1.0: not excited\n{}",
+            "{}: factor by which a phase of the motion at {:.0} mm/s alone reduces the standard deviation of a state, without process noise; 1.0: not excited\n{}",
             crane.name,
             crane.numbers.fast * 1e3,
             output::table(&header, &rows)

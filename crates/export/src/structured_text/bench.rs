@@ -174,7 +174,7 @@ pub(super) fn comparison() -> Unit {
             "Stores the largest difference, as a share of a scale. One that is not finite counts as {most}, and remains the largest."
         ),
         variables: vec![
-            variable(Section::Input, "bReset", "BOOL", "Begin again"),
+            variable(Section::Input, "bReset", "BOOL", "Restart"),
             variable(Section::Input, "fFound", "LREAL", "Computed value"),
             variable(Section::Input, "fWanted", "LREAL", "Expected value"),
             Declared::new(

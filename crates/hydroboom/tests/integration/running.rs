@@ -110,7 +110,7 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && said.contains("not all is written"), "{said}");
+    assert!(!output.status.success() && said.contains("not all outputs are written"), "{said}");
     let (_, kept) = said.split_once("the log ends here; the part written is in ").expect(&said);
     let (kept, _) = kept.split_once(".partial: ").expect(&said);
     let kept = format!("{kept}.partial");

@@ -250,7 +250,9 @@ impl CycleReport {
                 match unless_stopped(found)? {
                     Ok(found) => found.model,
                     Err(error) => {
-                        self.remarks.push(format!("nothing was identified, nor learned: {error}"));
+                        self.remarks.push(format!(
+                            "the identification failed, and no correction was learned: {error}"
+                        ));
                         return Ok(());
                     }
                 }
@@ -260,7 +262,7 @@ impl CycleReport {
         self.identified = overrides(model, &identified);
         for key in outside_range(model, &self.identified) {
             self.remarks.push(format!(
-                "{key} is outside the crane file's range of it: widen the range there before it is used"
+                "{key} is outside the crane file's range: widen the range there before it is used"
             ));
         }
         let asked: Vec<f64> = record.commands.iter().map(|command| command.motor_speed).collect();
@@ -273,7 +275,7 @@ impl CycleReport {
         {
             is_usable = false;
             self.remarks.push(format!(
-                "what was identified is not to be used: feedforward from it errs by {:.2} mm RMS as measured, from the nominal model by {:.2} mm",
+                "the identified model is not applied: feedforward from it has an error of {:.2} mm RMS as measured, from the nominal model {:.2} mm",
                 1e3 * rms(&fitted.measured),
                 1e3 * rms(&nominal.measured)
             ));
@@ -281,7 +283,7 @@ impl CycleReport {
         let periods = record.commands.len();
         let law = IterativeLearning::new(&identified, course, periods);
         match law.and_then(|law| Ok((law.convergence(&identified, course, periods)?, law))) {
-            Err(error) => self.remarks.push(format!("nothing was learned: {error}")),
+            Err(error) => self.remarks.push(format!("no correction was learned: {error}")),
             Ok((convergence, law)) => {
                 if convergence.is_contraction() {
                     for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {

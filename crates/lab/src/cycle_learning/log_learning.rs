@@ -73,7 +73,7 @@ pub fn identify_log(
     for j in judged.iter().filter(wrong) {
         let (unit, size) = j.signal.shown();
         refusals.push(format!(
-            "no model near the crane file's shows this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is it a log of another crane?",
+            "no model near the crane file's reproduces this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is it a log of another crane?",
             j.signal.symbol(),
             j.found / size,
             j.limit / size
@@ -86,13 +86,17 @@ pub fn identify_log(
         .into_iter()
         .partition(|assignment| assignment.starts_with(PAYLOAD));
     refusals.extend(payloads.into_iter().map(|key| {
-        format!("{key} is outside the crane file's range of it: another crane, or a load that it is not made for")
+        format!(
+            "{key} is outside the crane file's range: another crane, or a load beyond its rating"
+        )
     }));
     // a refused fit must not be used
     let identified = if refusals.is_empty() { identified } else { Vec::new() };
     if refusals.is_empty() {
         remarks.extend(others.into_iter().map(|key| {
-            format!("{key} is outside the crane file's range of it: widen the range there before it is used")
+            format!(
+                "{key} is outside the crane file's range: widen the range there before it is used"
+            )
         }));
     }
     let period = found.numbers.control_period;
