@@ -35,8 +35,8 @@ pub struct ControllerStatus {
     pub simulated_motor_speeds: Option<[f64; AXES]>,
     /// Whether the command depends on measurements.
     pub is_closed_loop: bool,
-    /// Control periods since the start in which no command could be computed from what was measured, and one of before was taken: of a predictive controller whose program had no
-    /// solution.
+    /// Control periods since the start in which a predictive controller's program had no solution, and an
+    /// earlier command was repeated.
     pub periods_without_solution: u64,
 }
 

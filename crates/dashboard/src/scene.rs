@@ -59,8 +59,9 @@ impl Scene {
         &self.setup
     }
 
-    /// Positions \[m\] of the boom's joints from bearing to tip and of the cylinder's mount, for the segments'
-    /// absolute angles \[rad\], rotated so that the cylinder has the measured stroke \[m\].
+    /// Positions \[m\] of the boom's joints from bearing to tip and of the cylinder's mount, for the
+    /// segments' absolute angles \[rad\]. The boom is rotated so that the cylinder has the measured stroke
+    /// \[m\].
     pub(crate) fn drawn(&self, angle: &[f64; 3], stroke: f64) -> Value {
         let boom = &self.crane.boom;
         let stroke_at =

@@ -12,9 +12,11 @@
 //! doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and its high-pass are found in the same search: K_i is the largest over all four. Pressure feedback
 //! lets the piston droop by k_f τ/A_p under a load pressure that lasts, until the integral makes it good; that is limited, for it costs tracking.
 //!
-//! All payloads of the range and all positions are infinitely many constraints. They are met by exchange: gains are found for some payloads and positions, the worst of
-//! all others is looked for with these gains, and is one more constraint of the next search until it keeps the distance. Source: J. W. Blankenship, J. E. Falk,
-//! Infinitely constrained optimization problems, Journal of Optimization Theory and Applications 19(2), 1976, doi:10.1007/BF00934096.
+//! All payloads of the range and all positions are infinitely many constraints. They are met by an exchange
+//! method: gains are found for some payloads and positions, then the worst of all others is searched with
+//! these gains. It is one more constraint of the next search, until it keeps the distance. Source: J. W.
+//! Blankenship, J. E. Falk, Infinitely constrained optimization problems, Journal of Optimization Theory
+//! and Applications 19(2), 1976, doi:10.1007/BF00934096.
 
 mod search;
 mod worst_margins;
@@ -162,8 +164,9 @@ mod tests {
         assert!((0.3..2.0).contains(&ratio), "{found:?}");
     }
 
-    /// Margins as stated for an odd crane too, at payloads and positions of which none is one of the search, between which soft oil makes the sensitivity of others larger
-    /// than at its ends; and more integral gain breaks them, or the damping that bounds it.
+    /// The stated margins hold for an unusual crane too, at payloads and positions that are not among those
+    /// of the search. Between these, soft oil makes the sensitivity larger than at the ends of the range.
+    /// More integral gain violates the margins, or the damping that limits it.
     #[test]
     fn gains_keep_the_stated_margins_over_the_payload_range_and_no_more() {
         for (set, payload) in [

@@ -51,8 +51,8 @@ pub fn scheduled_lqr_loop(description: &Description, stroke: f64) -> Result<Loop
 
 /// The same for estimator and law [`designed`] for the description, settled at rest with a payload \[kg\] that the estimator has weighed.
 ///
-/// Its friction slides, as that of the crane it is around: friction that sticks is a spring to the estimator, and around a crane that slides the loop would not
-/// be stable.
+/// Its friction slides, as that of its crane: friction that sticks is a spring to the estimator. With a
+/// crane that slides the loop would then be unstable.
 pub fn scheduled_lqr_loop_at(
     description: &Description,
     (estimator, law): &(StateEstimator<f64>, ScheduledLqr<f64>),

@@ -21,8 +21,8 @@ pub enum DesignError {
     NoFit(String),
     /// Gains whose worst case is still another one after all exchanges.
     #[error(
-        "the search for gains of the benchmark for payloads of {low_kg:.0} to {high_kg:.0} kg has not converged: after {exchanges} worst cases the gains for them have \
-         another one; a narrower range of payloads has fewer"
+        "the search for gains of the benchmark for payloads of {low_kg:.0} to {high_kg:.0} kg has not converged: after {exchanges} worst cases \
+         there is still another. Choose a narrower range of payloads"
     )]
     NotConverged {
         /// Worst cases that were added to the search.
@@ -34,8 +34,8 @@ pub enum DesignError {
     },
     /// Gains that keep the margins do not exist.
     #[error(
-        "no gains of the benchmark keep the largest sensitivity below {sensitivity_peak} for payloads of {low_kg:.0} to {high_kg:.0} kg over the stroke; a narrower \
-         range of payloads, or a larger benchmark_design.sensitivity_peak, may have some"
+        "no gains of the benchmark keep the largest sensitivity below {sensitivity_peak} for payloads of {low_kg:.0} to {high_kg:.0} kg \
+         over the stroke. Try a narrower range of payloads or a larger benchmark_design.sensitivity_peak"
     )]
     NoGains {
         /// Largest sensitivity that is allowed.

@@ -41,8 +41,9 @@ impl FrequencyResponse {
         }
     }
 
-    /// Outputs for inputs of these amplitudes, one for each column of B, that ring and grow as e to the s t, s in \[1/s\], or of a sampled system as z to the k, s being z;
-    /// none where s is a pole.
+    /// Complex amplitudes of the outputs for inputs of these amplitudes, one for each column of B, that
+    /// change as e^(s t), s in \[1/s\]. For a sampled system they change as z^k, with s being z. None where
+    /// s is a pole.
     pub fn at(&self, s: Complex<f64>, amplitudes: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
         let n = self.hessenberg.nrows();
         let zero = Complex::new(0.0, 0.0);

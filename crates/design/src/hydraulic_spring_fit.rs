@@ -81,7 +81,7 @@ pub fn hydraulic_spring(
             return Ok((spring, load));
         }
     }
-    Err(crane.none("no mass on an oil spring answers as it does"))
+    Err(crane.none("no mass on a hydraulic spring has its response"))
 }
 
 /// Whether natural frequencies are those of one mode.

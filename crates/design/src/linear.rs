@@ -41,7 +41,7 @@ pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, DesignError> {
 ///
 /// # Errors
 ///
-/// [`DesignError::Eigenvalues`] when the iteration does not end.
+/// [`DesignError::Eigenvalues`] when the iteration does not converge.
 pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
     if a.iter().any(|entry| !entry.is_finite()) {
         return Err(DesignError::Eigenvalues("the matrix has entries that are not finite".into()));
@@ -54,11 +54,12 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
             Schur::try_new(balanced.clone(), loosened * f64::EPSILON, 100 * a.nrows())
         })
         .map(|schur| schur.complex_eigenvalues().iter().copied().collect())
-        .ok_or_else(|| DesignError::Eigenvalues("the iteration does not end".into()))
+        .ok_or_else(|| DesignError::Eigenvalues("the iteration does not converge".into()))
 }
 
-/// The matrix S⁻¹ A S with rows and columns scaled by powers of two until they are of like size, and S: pressures
-/// and angles differ by ten orders of magnitude, which would cost the small eigenvalues.
+/// The balanced matrix S⁻¹ A S, with rows and columns scaled by powers of two until they are of similar
+/// size, and S. Pressures and angles differ by ten orders of magnitude; unscaled, the small eigenvalues
+/// would be inaccurate.
 pub(crate) fn balanced(a: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let mut m = a.clone();
     let n = m.nrows();

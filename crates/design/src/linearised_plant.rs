@@ -1,5 +1,6 @@
-//! The crane linearised as it is once the pump lifts: Coulomb friction, which at rest damps out every oscillation, is a constant, and the
-//! load-holding valves, which are shut at rest, are open. The accumulator's pressure stands.
+//! The crane linearised in motion, with the pump lifting. Coulomb friction, which at rest damps out every
+//! oscillation, is a constant. The load-holding valves, which are shut at rest, are open. The accumulator's
+//! pressure stands.
 
 use crate::DesignError;
 use crate::frequency_response::FrequencyResponse;
@@ -89,8 +90,9 @@ impl LinearisedPlant {
         Ok(Self { stroke, a, b, outputs, modes, response })
     }
 
-    /// The mode in which boom and load ring on the oil: the slowest oscillation, where it is that of a mass on a hydraulic spring that answers as the crane does, and
-    /// not the boom's own above a load that soft oil damps.
+    /// The mode in which boom and load oscillate on the oil. It is the slowest oscillation, provided that
+    /// its frequency is that of a mass on a hydraulic spring with the crane's response. Otherwise it is the
+    /// boom's own, above a load that soft oil damps.
     ///
     /// # Errors
     ///
@@ -99,7 +101,7 @@ impl LinearisedPlant {
         let (spring, load) = hydraulic_spring(self)?;
         let natural = load.natural_frequency(&spring) / TAU;
         let slowest = self.slowest_mode().filter(|mode| is_near(natural, mode.frequency_hz));
-        slowest.ok_or_else(|| self.none("its load is so damped that it does not oscillate"))
+        slowest.ok_or_else(|| self.none("its load mode is overdamped"))
     }
 
     /// The slowest oscillation where one of boom and oil may lie.
@@ -110,8 +112,8 @@ impl LinearisedPlant {
         self.modes.iter().find(is_load_mode)
     }
 
-    /// Frequency \[Hz\] at which boom and load ring on the oil, or would if that were less damped: of the load mode, or the natural one of a mass on a hydraulic spring that
-    /// answers as the crane does.
+    /// Natural frequency \[Hz\] of boom and load on the oil: that of the load mode. If this is overdamped,
+    /// that of a mass on a hydraulic spring with the crane's response.
     ///
     /// # Errors
     ///

@@ -350,8 +350,9 @@ mod tests {
         Loop::Benchmark { controller, high_pass: 1.0, actuation }
     }
 
-    /// K ω²/(s² + 2 ζ ω s + ω²), by hand: with u = (w/ω)², |L| = 1 where (1 − u)² + 4 ζ² u = K², and |1 + L| is least where v = 1 − u solves
-    /// v² + K v = 2 ζ² (2 + K). A resonance of ζ = 0.001 is a tenth as wide as points of an even grid are apart.
+    /// K ω²/(s² + 2 ζ ω s + ω²), by hand, with u = (w/ω)². The gain |L| is 1 where (1 − u)² + 4 ζ² u = K².
+    /// The distance |1 + L| is least where v = 1 − u solves v² + K v = 2 ζ² (2 + K). A resonance of ζ =
+    /// 0.001 is a tenth as wide as points of an even grid are apart.
     #[test]
     fn margins_at_a_lightly_damped_resonance_are_those_of_the_closed_form() {
         for (hz, zeta, k) in [(3.317, 1e-3, 0.01), (11.03, 1e-3, 0.004), (40.7, 1e-4, 0.02)] {

@@ -24,8 +24,9 @@ struct Sample {
 
 /// The reduced model of the crane of a description.
 ///
-/// Oil, cylinder, pump and friction are the crane file's. Equivalent mass and boom compliance match the responses of the crane's exact linearisation at
-/// 17 positions and six payloads; they and the holding pressure become polynomials of the position, linear or quadratic in the payload.
+/// Oil, cylinder, pump and friction are the crane file's. Equivalent mass and boom compliance match the
+/// responses of the crane's exact linearisation at 17 positions and six payloads. They and the holding
+/// pressure become polynomials of the position, linear or quadratic in the payload.
 ///
 /// # Errors
 ///

@@ -1,7 +1,8 @@
 //! Scheduled LQR with its estimator, linearised at rest: a linear sampled controller from readings to motor speed.
 //!
-//! The controller itself is called with small changes of each state and reading about an operating point at which it has settled; the filter's covariance, the identified
-//! drive and the innovation test are frozen there.
+//! The controller itself is called with small changes of each state and measurement about an operating
+//! point at which it has settled. The filter's covariance, the identified drive and the innovation test are
+//! kept constant there.
 //!
 //! ```text
 //! x(k+1) = A x(k) + B y(k),    u(k) = C x(k) + D y(k)

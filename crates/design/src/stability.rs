@@ -191,8 +191,9 @@ pub fn scheduled_lqr_stability(
     Ok(LoopStability::of((SCHEDULED_LQR, equipment_of(machine)), &poles))
 }
 
-/// Loops of the benchmark and of the scheduled LQR that are stable with the lags that the controllers expect, and not on an ideal plant, which has none: a law that
-/// counts on a delay leads too much without it. A crane file that is run without a plant has such a one.
+/// Loops of the benchmark and of the scheduled LQR that are stable with the lags that the controllers
+/// expect, but not on an ideal plant without lags. A law that compensates a delay has too much phase lead
+/// without it. A crane file that is run without a plant has such a one.
 ///
 /// # Errors
 ///
@@ -271,7 +272,7 @@ pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = stable.iter().map(|of| of.controller).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: what differs is that delay. --plant virtual runs on a machine that has it",
+            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: the difference is that delay. `--plant virtual` runs on a machine with it",
             Equipment::Expected.to_string().replacen('w', "W", 1),
             names.join(" and of the ")
         )
@@ -283,8 +284,8 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = unstable.iter().map(|of| of.controller).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE: it counts on the lags of drive \
-             and fieldbus",
+            "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE. The design \
+             assumes the lags of drive and fieldbus",
             names.join(" and of the ")
         )
     })
@@ -384,7 +385,8 @@ mod tests {
         assert!((lag(&late) - late_by).abs() < 1e-12, "{late_by} s");
     }
 
-    /// At 25 mm a piston of 100 mm makes the published loop grow by 0.1 to 0.25 1/s: slowly, and over a motion of 18 s by a factor of six and more.
+    /// At 25 mm, with a piston of 100 mm, the published loop has growth rates of 0.1 to 0.25 1/s. That is a
+    /// factor of six or more over a motion of 18 s.
     #[test]
     fn a_loop_that_grows_slowly_is_unstable_too() {
         let mut wide = Description::uia_single_boom().unwrap();

@@ -4,8 +4,8 @@ use hydroboom_control::estimation::tip::{TipEstimator, TipModel, TipParameters};
 use hydroboom_description::Description;
 use hydroboom_description::schema::StructureChoice;
 
-/// The estimator of the crane of a description, with the numbers of its section `tip` and their spread; none for a boom of links, and for one that its cylinder does
-/// not hold between bearing and tip.
+/// The estimator of the crane of a description, with the numbers of its section `tip` and their spread.
+/// None for a boom of links, or if the cylinder's mount is not between bearing and tip.
 pub fn tip_estimator(description: &Description) -> Option<TipEstimator<f64>> {
     let n = &description.numbers;
     let is_beam = description.choices.structure == StructureChoice::Beam;

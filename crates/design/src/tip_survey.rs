@@ -99,8 +99,8 @@ impl TipSurvey {
     ///
     /// # Errors
     ///
-    /// [`SurveyError::Wrong`] with file, line and column for a column that is missing, a number that is none or out of range, a tip that is not this crane's, and too few poses,
-    /// positions or loads.
+    /// [`SurveyError::Wrong`] with file, line and column: a missing column, a value that is no number or
+    /// out of range, a tip of another crane. Also for too few poses, positions or loads.
     pub fn parse(file: &str, text: &str, description: &Description) -> Result<Self, SurveyError> {
         let estimator = tip_of(description)?;
         let expected = format!("the columns are {}", COLUMNS.join(","));

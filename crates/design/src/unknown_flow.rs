@@ -1,8 +1,9 @@
 //! State estimator of a valve-controlled crane: no motor speed tells the flow, so the flow into the piston side is an unknown input.
 //!
-//! The reduced model's statics, equivalent mass and boom compliance are those of boom and cylinder and do not depend on the circuit. They are fitted with the boom
-//! on the circuit of the paper's crane; the pump of that model is then replaced by an input of no speed, and the filter's unknown flow by a random walk that
-//! is wide enough for a spool valve.
+//! The reduced model's statics, equivalent mass and boom compliance are those of boom and cylinder and do
+//! not depend on the circuit. They are fitted with the boom on the circuit of the paper's crane. The pump
+//! of that model is then replaced by an input of zero speed. The filter's unknown flow becomes a random
+//! walk with a variance large enough for a spool valve.
 
 use crate::scheduled_lqr::state_estimator;
 use crate::{DesignError, reduced_model_fit::reduced_model};

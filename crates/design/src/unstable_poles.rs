@@ -9,8 +9,9 @@ use std::f64::consts::{PI, TAU};
 /// Integrators of position, of low pressures whose check valves are shut, and of the controller lie at zero, numerically up to 0.001 1/s.
 pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 
-/// Highest frequency of the contour \[Hz\], but no more than half the sampling frequency of a sampled controller, about which its response repeats itself; and points below
-/// it to begin with. Resonances of the crane get their own.
+/// Highest frequency of the contour \[Hz\], and initial number of points below it. At most half the
+/// sampling frequency of a sampled controller, above which its response is mirrored. Resonances of the
+/// crane get their own.
 const HIGHEST: f64 = 400.0;
 const POINTS: u32 = 800;
 /// Places about a resonance that are looked at, in half widths at half power.
@@ -19,7 +20,8 @@ const ABOUT_RESONANCE: [f64; 5] = [-3.0, -1.0, 0.0, 1.0, 3.0];
 /// Where the loop turns by more between two points \[rad\], one more is looked at between them, so many times at most.
 const TURN: f64 = 0.5;
 const HALVINGS: u32 = 40;
-/// Share of half a turn by which the contour may miss a whole number of half turns: beyond, the loop's gain has not fallen at its end, and turns are no count of poles.
+/// Share of half a turn by which the contour may miss a whole number of half turns. Beyond it the loop's
+/// gain has not rolled off at the contour's end, and its turns do not count poles.
 const OPEN_CONTOUR: f64 = 0.25;
 
 /// Poles of a closed loop that grow faster than 0.02 1/s.
@@ -31,8 +33,9 @@ pub(crate) struct GrowingPoles {
     pub open_loop: u32,
 }
 
-/// Growing poles of the closed loop, by the Nyquist criterion Z = N + P: 1 + L turns clockwise about zero N times more often than not along the line of slowest growth, and
-/// P poles of crane and controller lie beyond it.
+/// Unstable poles of the closed loop, by the Nyquist criterion Z = N + P. N is the number of net clockwise
+/// turns of 1 + L about zero along the line of slowest growth. P is the number of poles of crane and
+/// controller beyond that line.
 ///
 /// # Errors
 ///

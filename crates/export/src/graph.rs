@@ -193,7 +193,7 @@ impl Graph {
     /// The loop of a node of kind [`Op::Loop`].
     fn of_loop(&self, node: Node) -> &Repetition {
         let Op::Loop(number) = self.op(node) else {
-            unreachable!("what is behind a loop refers to a loop: end_loop alone makes such nodes")
+            unreachable!("results of a loop refer to its node: only end_loop creates them")
         };
         self.repetition(number)
     }

@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_names_whatever_they_are_made_of() {
+    fn any_text_becomes_a_valid_name() {
         assert_eq!(plain("Crane \"A\"\n; DROP"), "crane_a_drop");
         assert_eq!(plain("3/2 valve"), "x_3_2_valve");
         assert_eq!(plain("\u{202e}*)"), "x");

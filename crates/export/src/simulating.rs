@@ -56,7 +56,7 @@ fn framed(
     let mut shown = frame_outputs();
     shown.extend([
         output("simulated_motor_speed", "rev/s", "Motor speed of the simulated crane"),
-        output("simulated_stroke", "m", "Its piston position as the period begins"),
+        output("simulated_stroke", "m", "Its piston position at the beginning of the period"),
         output("simulated_velocity", "m/s", "Its piston velocity"),
         output("simulated_load_pressure", "Pa", "Its load pressure"),
     ]);
@@ -86,11 +86,7 @@ fn framed(
         states: states.into_iter().map(noded).collect(),
         outputs: shown,
         entries: vec![
-            entry(
-                "update",
-                "one control period; then come the steps of the simulated crane",
-                updated,
-            ),
+            entry("update", "one control period, before the steps of the simulated crane", updated),
             entry("step", "one step of the simulated crane", stepped),
         ],
         period: Some(ControlPeriod::of(description, true)),

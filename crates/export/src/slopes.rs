@@ -47,7 +47,7 @@ impl Given {
         let (value, seed) = (E::input(), E::input());
         self.values.push((variable.clone(), value));
         let name = format!("seed_{}", variable.name);
-        let meaning = format!("how far the direction goes along {}", variable.name);
+        let meaning = format!("component of the direction along {}", variable.name);
         self.seeds.push((Variable { name, meaning, initial: 0.0, ..variable.clone() }, seed));
         D { value, slope: [seed] }
     }
@@ -94,7 +94,7 @@ fn recording(description: &Description, of: &Block, used: &[usize]) -> Result<Bl
     let mut slopes: Vec<(Variable, E)> = Vec::new();
     let along = |v: &Variable, slope: E| {
         let name = format!("slope_{}", v.name);
-        let meaning = format!("slope of {} along the direction", v.name);
+        let meaning = format!("directional derivative of {}", v.name);
         (Variable { name, meaning, ..v.clone() }, slope)
     };
     for ((state, _), rate) in of.states.iter().zip(rates) {
@@ -115,7 +115,7 @@ fn recording(description: &Description, of: &Block, used: &[usize]) -> Result<Bl
     let noded = |(variable, number): (Variable, E)| (variable, number.node());
     Ok(Block {
         name: format!("{}_slopes", of.name),
-        meaning: format!("{}: rates of change and slopes along a direction", of.name),
+        meaning: format!("{}: rates of change and directional derivatives", of.name),
         graph: Rc::default(),
         parameters: Vec::new(),
         inputs: given.values.into_iter().chain(given.seeds).map(noded).collect(),
@@ -123,7 +123,7 @@ fn recording(description: &Description, of: &Block, used: &[usize]) -> Result<Bl
         outputs: outputs.into_iter().map(|(variable, _)| variable).collect(),
         entries: vec![Entry {
             name: "see".into(),
-            meaning: "rates, and slopes of rates and outputs".into(),
+            meaning: "rates, and directional derivatives of rates and outputs".into(),
             results,
         }],
         period: None,

@@ -13,7 +13,7 @@ use serde_json::json;
 /// Switch the mechanisms of the scheduled LQR off, one at a time, on virtual cranes of a family.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom ablate\n  hydroboom ablate --family 24 --seed 9 --scenario payload-change\n\nThe ratio is the true RMS error without the mechanism over that with all, on the same crane: above 1 the mechanism helps, at 1 it buys nothing, below 1 it costs."
+    after_help = "Examples:\n  hydroboom ablate\n  hydroboom ablate --family 24 --seed 9 --scenario payload-change\n\nThe ratio is the true RMS error without the mechanism over that with all, on the same crane. Above 1 the mechanism reduces the error, below 1 it increases it."
 )]
 pub struct Ablate {
     #[command(flatten)]

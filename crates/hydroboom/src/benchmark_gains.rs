@@ -76,8 +76,9 @@ pub fn run(
         )
     );
     text += &format!(
-        "\nThe largest K_i that is found with a sensitivity of M_s <= {} for all payloads of the range and positions from 5 to 95 % of the stroke (Astrom, Panagopoulos, \
-         Hagglund 1998), and K_i <= K_p^2.\nM_s, PM and GM are each the worst of these; at the payload and position named M_s is largest, or the loop unstable.",
+        "\nThe largest K_i with a sensitivity of M_s <= {} and K_i <= K_p^2 (Astrom, Panagopoulos, Hagglund 1998). \
+         It holds for all payloads of the range and positions from 5 to 95 % of the stroke.\n\
+         M_s, PM and GM are each the worst of these; at the payload and position named M_s is largest, or the loop unstable.",
         design.sensitivity_peak
     );
     if let Some(path) = out {
@@ -168,8 +169,8 @@ pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     let said = why_untuned(model, payload)?;
     Ok(said.map(|said| {
         format!(
-            "the benchmark runs with the crane file's gains, which are not tuned for payloads of {:.0} to {:.0} kg ({said}); `hydroboom design --benchmark` finds some, \
-             and `motion` takes those in place of placeholders and of the paper's",
+            "the benchmark runs with the crane file's gains, which are not tuned for payloads of {:.0} to {:.0} kg ({said}). \
+             `hydroboom design --benchmark` designs some; `motion` uses those instead of placeholders and of the paper's gains",
             payload[0], payload[1]
         )
     }))

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Calibrate unpublished parameters of the virtual crane to published results of the real one.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom calibrate --out my-virtual.toml\n\
-    It takes about a quarter of an hour. Interrupt it at will: run again, it goes on where it stopped.\n\
+    It takes about a quarter of an hour. It may be interrupted: the same command continues there.\n\
     hydroboom calibrate --trade-off friction.coulomb_n=300,787,1300   (searches and writes nothing)")]
 pub struct Calibrate {
     /// Virtual crane to start from, which also keeps all that is not calibrated; the embedded one
@@ -192,7 +192,7 @@ fn said(found: &Found) -> String {
             &reached
         ),
         output::table(
-            &["key", "value", "plausible", "deviation", "determined", "traded against"],
+            &["key", "value", "plausible", "deviation", "determined", "strongest correlation"],
             &calibrated
         )
     )

@@ -25,7 +25,7 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     let symbol = d.signal.symbol();
     if let Some(far) = d.unresolved {
         return format!(
-            "{symbol}: not judged. The log's samples are {:.0} ms apart, and the model oscillates at {:.2} Hz: what happens between samples is not known.",
+            "{symbol}: not judged. The log's samples are {:.0} ms apart, which is too coarse for the model's oscillation at {:.2} Hz.",
             far.interval * 1e3,
             far.frequency
         );
@@ -36,9 +36,9 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     let is_noise =
         (d.is_white || is_scatter) && d.bias.abs() < d.noise.max(LIMITS.least_offset * size);
     if own.is_empty() && is_noise {
-        return format!("{symbol}: nothing is left but what its sensor scatters.");
+        return format!("{symbol}: only sensor noise remains.");
     }
-    let mut parts = [explained(d), of_time(d, context), rings(d, &own)].concat();
+    let mut parts = [explained(d), of_time(d, context), oscillation(d, &own)].concat();
     if parts.is_empty() {
         parts.push(format!("differs by {} {unit} RMS", three_digits(d.rms / size)));
     }
@@ -60,7 +60,7 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
         let causes: Vec<String> = causes.iter().map(|fault| named(fault)).collect();
         let rms = three_digits(left.rms / size);
         said += &format!(
-            " Most of it comes of the {}: {rms} {unit} RMS would be left.",
+            " Most of it is due to the {}: {rms} {unit} RMS would remain.",
             causes.join(" and the ")
         );
     }
@@ -97,16 +97,16 @@ pub fn of_input(fault: &SignalFault) -> Option<String> {
             "a column that was recorded late, or a valve that is faster than the model's (valve.bandwidth_hz)"
         }
         (Signal::ValveCommand, false) => {
-            "a valve that answers later than the model's (dead time, valve.bandwidth_hz), or one delay that they share"
+            "a valve that responds later than the model's (dead time, valve.bandwidth_hz), or a common delay of these signals"
         }
         (Signal::MotorCommand, _) => {
             "the motor's speed was not recorded, and the drive follows its command later"
         }
         (_, true) => "a column that was recorded late (filter, fieldbus)",
-        (_, false) => "a command in place of the speed, or one delay that they share",
+        (_, false) => "a command in place of the speed, or a common delay of these signals",
     };
     Some(format!(
-        "{}: {:.1} ms {way} beside {} explains most of what they differ by: {why}. No sensor need be {} for it ([log.{}] delay_ms {:+.1}).",
+        "{}: {:.1} ms {way} relative to {}. This explains most of their differences: {why}. No sensor is assumed to be {} ([log.{}] delay_ms {:+.1}).",
         fault.signal.symbol(),
         late.abs() * 1e3,
         listed(&fault.explains),
@@ -140,27 +140,27 @@ fn of_sensor(error: &SignalFault) -> String {
         error.explains.iter().copied().filter(|signal| *signal != error.signal).collect();
     let others = match others.as_slice() {
         [] => String::new(),
-        others => format!(", and most of what {} differ by", listed(others)),
+        others => format!(", and most of the differences of {}", listed(others)),
     };
     let against = match (error.against, error.signal) {
         (Some(other), Signal::PressureAccumulator) => format!(
-            "; {}, which it feeds, does not read it, so that it is no matter of the crane",
+            "; {}, which it feeds, does not show it, so the crane is not the cause",
             other.symbol()
         ),
-        (Some(other), _) => format!(
-            "; {} shows nothing of it, so that it is no matter of the crane",
-            other.symbol()
-        ),
-        (None, Signal::PressureAccumulator) => {
-            "; without p_B and p_PB another charge of the accumulator looks the same".into()
+        (Some(other), _) => {
+            format!("; {} does not show it, so the crane is not the cause", other.symbol())
         }
-        (None, _) => ", if it is no matter of the crane".into(),
+        (None, Signal::PressureAccumulator) => {
+            "; without p_B and p_PB another gas charge of the accumulator has the same effect"
+                .into()
+        }
+        (None, _) => ", if the crane is not the cause".into(),
     };
     let left = error.left.map_or(String::new(), |left| {
-        format!(": {} {unit} RMS would be left", three_digits(left / size))
+        format!(": {} {unit} RMS would remain", three_digits(left / size))
     });
     format!(
-        " {what} would explain it{others}{left} ([log.{}] {mapping}){against}.",
+        " {what} would explain it{others}{left}{against}. Correction in the mapping: [log.{}] {mapping}.",
         error.signal.key()
     )
 }
@@ -174,12 +174,14 @@ pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> 
         return None;
     }
     if remedies.is_empty() {
-        return Some("No key that was tried lowers the sum of what differs by a twentieth, all signals together.".into());
+        return Some(
+            "No tested key reduces the sum of the differences of all signals by 5 %.".into(),
+        );
     }
     let list: Vec<String> = remedies
         .iter()
         .map(|r| {
-            let end = if r.at_limit { ", the end of what is tried" } else { "" };
+            let end = if r.at_limit { ", the limit of the tested range" } else { "" };
             let is_moved = |m: &&Moved| (m.found.1 - m.found.0).abs() >= MOVED * m.found.0.abs();
             let moved: Vec<String> = r.moved.iter().filter(is_moved).map(moved).collect();
             let change = 100.0 * r.change;
@@ -188,7 +190,7 @@ pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> 
         })
         .collect();
     Some(format!(
-        "What would bring all that is beyond its limits nearer, taken together, each key on its own: {}.",
+        "Changes that reduce the sum of all differences beyond their limits, each key on its own: {}.",
         list.join("; ")
     ))
 }
@@ -198,15 +200,18 @@ fn moved(of: &Moved) -> String {
     let ((before, after), symbol) = (of.found, of.signal.symbol());
     match of.aspect {
         Aspect::Frequency => {
-            format!("{symbol} rings at {after:.2} Hz for {before:.2}, log {:.2}", of.wanted)
+            format!("{symbol} frequency {after:.2} Hz instead of {before:.2}, log {:.2}", of.wanted)
         }
         Aspect::Damping => {
-            format!("{symbol} is damped {after:.3} for {before:.3}, log {:.3}", of.wanted)
+            format!(
+                "{symbol} damping ratio {after:.3} instead of {before:.3}, log {:.3}",
+                of.wanted
+            )
         }
         Aspect::Position | Aspect::Pressures => {
             let (unit, size) = of.signal.shown();
             format!(
-                "{symbol} {} for {} {unit} RMS",
+                "{symbol} {} instead of {} {unit} RMS",
                 three_digits(after / size),
                 three_digits(before / size)
             )
@@ -228,7 +233,7 @@ pub fn asks_for_keys(left: &Differences) -> bool {
 pub fn beyond(highest: f64) -> Option<String> {
     (highest > LIMITS.highest_pressure).then(|| {
         format!(
-            "the model comes to {:.0} bar, where its piston is at its stop and no relief valve opens: it is driven further than its cylinder goes",
+            "the model reaches {:.0} bar: its piston is driven against an end stop, and no relief valve opens",
             highest * 1e-5
         )
     })
@@ -243,22 +248,22 @@ fn explained(d: &Difference) -> Vec<String> {
         format!("{sign}{}", three_digits(value))
     };
     let mut parts = Vec::new();
-    let mut tell = |share: f64, what: String| {
+    let mut report = |share: f64, what: String| {
         if share > LIMITS.reported_share {
             parts.push(format!("{what}, {:.0} % of the difference's power", share * 100.0));
         }
     };
     let offset = signed(found.offset.value / size);
-    tell(found.offset.share, format!("reads {offset} {unit} off the model"));
+    report(found.offset.share, format!("has an offset of {offset} {unit} from the model"));
     let drift = signed(found.drift.value / size);
-    tell(found.drift.share, format!("drifts from the model by {drift} {unit} in a second"));
+    report(found.drift.share, format!("drifts from the model by {drift} {unit}/s"));
     let way = if found.scale.value > 0.0 { "more" } else { "less" };
     let scale = three_digits(found.scale.value.abs() * 100.0);
     let scale = match found.scale.value < -1.0 {
-        true => "moves against the model".into(),
+        true => "moves in the opposite direction to the model".into(),
         false => format!("moves {scale} % {way} than the model"),
     };
-    tell(found.scale.share, scale);
+    report(found.scale.share, scale);
     parts
 }
 
@@ -266,7 +271,7 @@ fn explained(d: &Difference) -> Vec<String> {
 fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     if let (true, Some([first, second]), Some(drift)) = (d.is_of_clock(), d.delay_halves, d.drift) {
         return vec![format!(
-            "comes {:.1} ms late in the first half and {:.1} ms in the second, which is most of it: a clock that drifts \
+            "is {:.1} ms late in the first half and {:.1} ms in the second, which explains most of the difference: clock drift \
              (drift_ppm = {:.0} in the mapping)",
             first * 1e3,
             second * 1e3,
@@ -280,22 +285,25 @@ fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     };
     let is_alone = |other: &Difference| other.signal == d.signal || other.delay.is_none();
     let why = if let Some(input) = context.faults.iter().find(is_of_input) {
-        format!(", as the delay of {} makes it", input.signal.symbol())
+        format!(", due to the delay of {}", input.signal.symbol())
     } else if context.found.iter().all(is_alone) {
-        ": a delay of sensor or fieldbus (delay_ms in the mapping), or of what drives the machine; no other signal tells which".into()
+        ": a delay of sensor or fieldbus (delay_ms in the mapping), or of the machine's input; no other signal shows which".into()
     } else if delay > 0.0 {
         ": a delay of sensor or fieldbus (delay_ms in the mapping)".into()
     } else {
-        ", and no sensor is early: a model that lags, or other signals that are late".into()
+        ": a sensor cannot be early, so the model lags, or other signals are late".into()
     };
-    vec![format!("comes {:.1} ms {way}, which is most of it{why}", delay.abs() * 1e3)]
+    vec![format!(
+        "is {:.1} ms {way}, which explains most of the difference{why}",
+        delay.abs() * 1e3
+    )]
 }
 
 /// Description of the oscillations of log and model beyond their limits.
-fn rings(d: &Difference, own: &[&Judgement]) -> Vec<String> {
+fn oscillation(d: &Difference, own: &[&Judgement]) -> Vec<String> {
     // an oscillation without an identified damping has no reliable frequency
-    let told = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
-    let (Some(log), Some(model)) = (told(d.ringing), told(d.model_ringing)) else {
+    let reliable = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
+    let (Some(log), Some(model)) = (reliable(d.ringing), reliable(d.model_ringing)) else {
         return Vec::new();
     };
     let [low, high] = LIMITS.same_mode;
@@ -304,12 +312,12 @@ fn rings(d: &Difference, own: &[&Judgement]) -> Vec<String> {
     let of = |j: &&Judgement| match (j.aspect, log.damping, model.damping) {
         // with such a difference it may not be the same mode
         (Aspect::Frequency, ..) if !is_same_mode => Some(format!(
-            "rings at {of_log:.2} Hz, the model at {of_model:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates"
+            "oscillates at {of_log:.2} Hz, the model at {of_model:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates"
         )),
         (Aspect::Frequency, ..) => {
             let how = if j.found < 0.0 { "stiffer, or lighter," } else { "softer, or heavier," };
             Some(format!(
-                "rings at {of_log:.2} Hz, the model at {of_model:.2} Hz: the crane is {how} than the model"
+                "oscillates at {of_log:.2} Hz, the model at {of_model:.2} Hz: the crane is {how} than the model"
             ))
         }
         (Aspect::Damping, Some(a), Some(b))
@@ -371,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_that_moves_less_is_told_so_and_one_that_moves_against_too() {
+    fn a_scale_error_is_reported_and_so_is_a_wrong_sign() {
         let of = |scale: f64| {
             let (scale, none) = (part(scale, 0.9), part(0.0, 0.0));
             let parts = Explained { offset: none, drift: none, scale, delay: none };
@@ -379,7 +387,7 @@ mod tests {
         };
         assert!(of(-0.498).contains("moves 49.8 % less than the model"), "{}", of(-0.498));
         assert!(of(0.05).contains("moves 5.00 % more than the model"), "{}", of(0.05));
-        assert!(of(-1.4).contains("moves against the model"), "{}", of(-1.4));
+        assert!(of(-1.4).contains("moves in the opposite direction"), "{}", of(-1.4));
     }
 
     /// A white residual about an offset: the offset is not sensor noise.
@@ -387,9 +395,9 @@ mod tests {
     fn an_offset_is_not_taken_for_noise() {
         let white =
             Difference { coloured: 0.02, is_white: true, noise: 1e3, rms: 4e3, ..difference() };
-        assert!(read(&white, &[]).contains("nothing is left but"), "{}", read(&white, &[]));
+        assert!(read(&white, &[]).contains("only sensor noise"), "{}", read(&white, &[]));
         let off = Difference { bias: 5e5, rms: 5e5, ..white };
-        assert!(!read(&off, &[]).contains("nothing is left but"), "{}", read(&off, &[]));
+        assert!(!read(&off, &[]).contains("only sensor noise"), "{}", read(&off, &[]));
         assert!(read(&off, &[]).contains("5.00 bar"), "{}", read(&off, &[]));
     }
 
@@ -425,13 +433,13 @@ mod tests {
         };
         let offset = error(Fault::Offset(5e5), Some(Signal::PressurePumpA));
         let text = read(&difference(), &[offset]);
-        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] add -5.000 bar to its offset, or +5.000 bar where its sign is -1); p_PA shows nothing of it"), "{text}");
+        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would remain; p_PA does not show it, so the crane is not the cause. Correction in the mapping: [log.pressure_a] add -5.000 bar to its offset, or +5.000 bar where its sign is -1."), "{text}");
         let text = read(&difference(), &[error(Fault::Scale(1.25), None)]);
         assert!(
             text.contains("wrong by +25.00 %") && text.contains("scale and offset times 0.8000"),
             "{text}"
         );
-        assert!(text.ends_with("if it is no matter of the crane."), "{text}");
+        assert!(text.contains(", if the crane is not the cause."), "{text}");
         // without remaining differences no key is searched
         assert!(asks_for_keys(&vec![difference()]));
         assert!(advice(&complaints(&vec![difference()]), &[], false).is_none());
@@ -453,14 +461,14 @@ mod tests {
         };
         let all = complaints(&vec![d.clone()]);
         let text = advice(&all, &[remedy], true).unwrap();
-        assert!(text.contains("payload.mass_kg -0.0300 %, the end of what is tried (p_A 1.00 for 5.00 bar RMS, p_A rings at 2.02 Hz for 2.25, log 2.00)"), "{text}");
-        assert!(advice(&all, &[], true).unwrap().starts_with("No key that was tried"));
+        assert!(text.contains("payload.mass_kg -0.0300 %, the limit of the tested range (p_A 1.00 instead of 5.00 bar RMS, p_A frequency 2.02 Hz instead of 2.25, log 2.00)"), "{text}");
+        assert!(advice(&all, &[], true).unwrap().starts_with("No tested key"));
         let within = Difference { rms: 1e5, ..difference() };
         assert!(read(&within, &[]).ends_with("That is within its limit."));
         let late = Difference { delay: Some(0.02), rms_without_delay: Some(0.4e5), ..difference() };
         let text = read(&late, &[]);
-        assert!(text.contains("comes 20.0 ms late") && !text.contains("key"), "{text}");
-        assert!(text.contains("no other signal tells which"), "{text}");
+        assert!(text.contains("is 20.0 ms late") && !text.contains("key"), "{text}");
+        assert!(text.contains("no other signal shows which"), "{text}");
         assert!(!asks_for_keys(&vec![late]));
         assert!(beyond(3.5e8).unwrap().contains("3500 bar") && beyond(3e7).is_none());
     }

@@ -72,8 +72,8 @@ fn difference(description: &Description, rows: &[eigenfrequency::Row]) -> String
     let largest = rows.iter().filter_map(apart).fold(0.0, f64::max);
     let n = &description.numbers;
     let mut text = format!(
-        "On the rod side {:.1} bar are shut in (oscillation.rod_side_bar); the oil stiffens at {:.1} bar (oil.transition_bar).\n\
-         Without friction, oscillation and linearisation see the same mode: they differ by {:.1} % at most.",
+        "The trapped rod-side pressure is {:.1} bar (oscillation.rod_side_bar); the oil stiffens at {:.1} bar (oil.transition_bar).\n\
+         Without friction, oscillation and linearisation have the same mode: they differ by {:.1} % at most.",
         n.oscillation_rod_side * 1e-5,
         n.transition * 1e-5,
         largest * 100.0
@@ -126,7 +126,7 @@ fn shapes(description: &Description, rows: &[eigenfrequency::Row]) -> String {
     };
     let header = ["x_cyl [mm]", "f [Hz]", "damping", "p_A [bar/deg]", angles];
     format!(
-        "Modes of the linearised crane, friction off; swings relative to the outermost segment's angle\n{}",
+        "Modes of the linearised crane, friction off; mode shapes relative to the outermost segment's angle\n{}",
         output::table(&header, &cells)
     )
 }
@@ -159,7 +159,7 @@ pub fn table(rows: &[eigenfrequency::Row]) -> String {
     let is_beside_paper = rows.iter().any(|row| row.paper_simulated_hz.is_some());
     let title = if is_beside_paper { "Table 5: eigenfrequencies" } else { "Eigenfrequencies" };
     format!(
-        "{title} [Hz], load held; friction off unless said\n{}",
+        "{title} [Hz], load held; friction off unless stated\n{}",
         output::table_beside_paper(&header, &cells)
     )
 }

@@ -69,7 +69,7 @@ impl Estimator {
         drop(work);
         let found = found.into_diagnostic()?;
         if found.cranes.is_empty() {
-            bail!("none of {} cranes had gone all the way when it was interrupted", self.family);
+            bail!("interrupted before any of {} cranes had completed its courses", self.family);
         }
         if self.json {
             return output::json(&json!({
@@ -147,9 +147,9 @@ fn text(found: &Consistency) -> String {
             )
         });
     format!(
-        "Innovations (NIS): windows of 1 s without a load change; wanted: 90 % from 0.5 to 2. Autocorrelation of largest \
-         magnitude at lags from 20 to 200 ms; 0 is wanted{}\n{}\n\n\
-         Errors (NEES): wanted: 90 to 99 % within 2 sigma, sigma at most twice the RMS error; \
+        "Innovations (NIS): windows of 1 s without a load change; expected: 90 % from 0.5 to 2. Autocorrelation of largest \
+         magnitude at lags from 20 to 200 ms; 0 is expected{}\n{}\n\n\
+         Errors (NEES): expected: 90 to 99 % within 2 sigma, sigma at most twice the RMS error; \
          no verdict below {FEWEST_INSTANTS} instants\n{}\n\n\
          The same by course, without the half second after a load change\n{}{failed}",
         longest.unwrap_or_default(),

@@ -187,8 +187,8 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
         })
         .collect();
     let mut text = format!(
-        "{} courses of healthy virtual cranes: {false_alarms} false alarms, {beyond} stops of a machine that had left its \
-         limits itself, {expected} on courses that may stop; release: {longest:.1} s at most, lifts by {lift:.2} mm and \
+        "{} courses of healthy virtual cranes: {false_alarms} false alarms, {beyond} stops of a machine outside its \
+         limits, {expected} on courses that may stop. Release: {longest:.1} s at most, lifts by {lift:.2} mm and \
          drops by {sank:.2} mm at most",
         of_asked(runs.len(), asked)
     );

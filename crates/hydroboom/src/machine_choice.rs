@@ -246,7 +246,7 @@ impl MachineChoice {
         if !self.filled_in.is_empty() {
             let keys: Vec<String> = self.filled_in.iter().map(FilledIn::to_string).collect();
             notes.push(format!(
-                "the plant is the {}. Typical values stand in for what its file leaves out:\n  {}",
+                "the plant is the {}. Typical values replace entries that its file omits:\n  {}",
                 self.name(),
                 keys.join("\n  ")
             ));

@@ -40,9 +40,9 @@ const VIRTUAL: &str = "virtual";
 pub struct MotionTests {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, a file with a `[set]` table of overrides, or `virtual`: the virtual crane of the crane
-    /// file (typical drive, valve, sensors and fieldbus where the file has none), without --crane the paper's.
-    /// Default: the model itself.
+    /// Crane file of the plant, a file with a `[set]` table of overrides, or `virtual`: the virtual crane
+    /// of the crane file, without --crane the paper's. It has typical drive, valve, sensors and fieldbus
+    /// where the file has none. Default: the model itself.
     #[arg(long, value_name = "FILE")]
     plant: Option<InputFile>,
     /// Number of virtual cranes, drawn at random around the plant, in place of one. Default plant: the virtual crane.
@@ -55,8 +55,9 @@ pub struct MotionTests {
     /// delay of the fieldbus.
     #[arg(long, requires = "family")]
     widened: bool,
-    /// In a family, add baselines: the benchmark with designed gains, without and with an input shaper, LQG, linear
-    /// and nonlinear MPC; and the computing time of each for a control period (docs/reference/baselines.md).
+    /// In a family, add baselines: the benchmark with designed gains, without and with an input shaper,
+    /// LQG, linear and nonlinear MPC. The computing time of each for a control period is added too
+    /// (docs/reference/baselines.md).
     #[arg(long, requires = "family")]
     baselines: bool,
     /// Its name before.

@@ -45,7 +45,7 @@ pub fn speed_of_motion(crane: &Description, asked: Option<f64>) -> Result<f64> {
     match asked <= most {
         true => Ok(asked * 1e-3),
         false => Err(miette!(
-            help = "the motion's length and ramp stand in the crane file, [motion]",
+            help = "the motion's length and ramp are in the crane file, [motion]",
             "--speed-mm-s is {} to {most:.0} for this motion, not {asked}",
             SPEED.start()
         )),

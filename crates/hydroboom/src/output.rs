@@ -133,7 +133,7 @@ pub fn conclude(result: Result<()>) -> Result<()> {
         note(&format!("not written:\n  {}", list.join("\n  ")));
         return Err(error);
     }
-    Err(miette!("not all is written:\n  {}", list.join("\n  ")))
+    Err(miette!("not all outputs are written:\n  {}", list.join("\n  ")))
 }
 
 /// Prints the error of a command on standard error.

@@ -1,7 +1,7 @@
 //! Paths given to commands: inputs and outputs.
 //!
 //! The type of an option states the role of its path, so that all paths of a command are checked before it
-//! starts: no output is an input, and no two outputs are the same file.
+//! starts. No output may be an input, and no two outputs the same file.
 
 use crate::machine_argument::MachineArgument;
 use crate::output;
@@ -64,7 +64,7 @@ pub fn check(arguments: &ArgMatches) -> Result<()> {
     for folder in all::<OutputFolder>(arguments) {
         if folder.exists() && !folder.is_dir() {
             return Err(miette!(
-                help = "name a folder: it is made where it is not there",
+                help = "name a folder; it is created if it does not exist",
                 "{} is a file, and files are to be written into it",
                 folder.display()
             ));
@@ -76,7 +76,9 @@ pub fn check(arguments: &ArgMatches) -> Result<()> {
             Err(error @ FileError::IsInput { .. }) => {
                 return Err(miette!(help = "name another file to write", "{error}"));
             }
-            Err(error) => output::warn(&format!("{error}; all else goes on")),
+            Err(error) => {
+                output::warn(&format!("{error}; the command continues without this output"))
+            }
             Ok(()) => {}
         }
         // a path without stored content, such as a pipe, may be written twice

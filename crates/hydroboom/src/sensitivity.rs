@@ -222,8 +222,8 @@ impl Found {
 }
 
 /// Explanation of the columns.
-const ENDS: &str = "less, more: the ends of what is known of the key, by its provenance, and the output of the machine re-run there (-: there is no such \
-    machine, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
+const ENDS: &str = "less, more: the ends of the key's prior range, by its provenance, and the output of the machine re-run there \
+    (-: no such machine exists, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
 
 fn said(found: &Found) -> String {
     let mut said = String::new();
@@ -368,21 +368,20 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
         @for (k, output, tornado, sobol) in &figures {
             h2 { (output.title()) ": " (format!("{:.3} {}", found.values[*k] / output.unit().1, output.unit().0)) }
             (figure(
-                "By how much the output changes with the machine re-run at both ends of what is known of a key, by its provenance. The ten keys of the \
+                "Change of the output with the machine re-run at both ends of a key's prior range, by its provenance. The ten keys of the \
                  largest change.",
                 tornado,
             ))
             @if let Some(svg) = sobol {
                 (figure(
-                    "Share of the output's variance that would be left if all other keys were known, with the interval that holds it in nineteen \
-                     cases of twenty.",
+                    "Total Sobol index: share of the output's variance that remains if all other keys are known, with its 95 % interval.",
                     svg,
                 ))
             }
         }
         @if let Some((indices, rows)) = &found.global {
             h2 { "Sobol indices in numbers" }
-            p.soft { (rows) " rows; every key even in its logarithm, with the deviation its provenance stands for." }
+            p.soft { (rows) " rows; the logarithm of every key is uniform, with the standard deviation of its provenance." }
             @for (output, sobol) in found.outputs.iter().zip(indices) {
                 h3 {
                     (output.title()) ": " (format!("{:.3} {}", sobol.mean / output.unit().1, output.unit().0)) " in the mean, deviation "

@@ -145,7 +145,7 @@ impl Shown {
             ),
             row(
                 "distance from the end stops",
-                format!("{:.0} mm, or what a stop takes", l.margin * 1e3),
+                format!("{:.0} mm, or the stopping distance", l.margin * 1e3),
                 "supervision.end_margin_mm, stop_s",
             ),
             row("missed periods", format!("{} of 256 at most", l.missed), "a quarter"),
@@ -201,7 +201,7 @@ impl Shown {
                 "proving motion, drive, leakage",
             ),
             row(
-                "release gives up after",
+                "release is aborted after",
                 format!("{:.2} L or {:.0} s", r.largest_volume * 1e3, r.largest_duration),
                 "oil, volumes, leakage; supervision.release_s",
             ),

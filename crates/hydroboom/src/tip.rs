@@ -125,7 +125,7 @@ impl Tip {
         });
         output::text(&format!(
             "{} poses of {name} on \"{}\"; left at them {:.2} mm RMS, most at line {line}: {worst:.1} standard deviations\n{}\n\n\
-             Bending and base lower the tip nearly alike: their sum is told, each by itself only by its stated spread (correlation {:.2}).\n\
+             Bending and base lower the tip nearly alike: the survey determines their sum, and each alone only by its stated spread (correlation {:.2}).\n\
              The survey's noise leaves of the tip's height at {:.0} mm/s, median (5 .. 95 %), worst of 200 surveys: bias {} mm, RMS about it {} mm{written}",
             survey.points.len(),
             crane.name,
@@ -170,7 +170,7 @@ impl Tip {
         drop(work);
         let found = found.into_diagnostic()?;
         if found.cranes.is_empty() {
-            bail!("none of {count} cranes had gone all the way: {}", found.failed.join("; "));
+            bail!("none of {count} cranes completed its course: {}", found.failed.join("; "));
         }
         let title = format!(
             "{} virtual cranes {}around \"{}\", seed {}, first {}, {along} under {}",

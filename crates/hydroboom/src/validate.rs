@@ -195,8 +195,8 @@ fn charge(crane: &Description, experiment: &Experiment) -> Option<String> {
     let is_alone = others.iter().all(|signal| !experiment.is_measured(*signal));
     (is_alone && off.abs() > LIMITS.least_pressure).then(|| {
         format!(
-            "p_acc begins {:+.2} bar off accumulator.working_bar: an offset of its sensor cannot be told from another precharge or filling without p_B or p_PB, \
-             and the model begins with what was read",
+            "p_acc begins {:+.2} bar off accumulator.working_bar. Without p_B or p_PB an offset of its sensor cannot be distinguished from another \
+             precharge or filling. The model begins with the measured pressure",
             off * 1e-5
         )
     })
@@ -218,8 +218,7 @@ const HEADER: [&str; 10] = [
 /// Index of the frequencies among the columns.
 const RINGS: usize = 7;
 /// Note on frequencies in brackets.
-const SPECTRUM: &str = "(...): no frequency that is judged: a peak of the spectrum alone, to which no oscillation that fades could be fitted, or an oscillation that fades within \
-    fewer than four periods.";
+const SPECTRUM: &str = "(...): this frequency is not judged. It is a peak of the spectrum without a fitted decaying oscillation, or the oscillation decays within fewer than four periods.";
 
 fn row(finding: &Finding) -> Vec<String> {
     let d = &finding.difference;
@@ -347,12 +346,12 @@ fn page(
     let paper_row = |signal: Signal| paper::TABLE_6.iter().find(|row| row.0 == signal.symbol());
     let driven_by = match crane.choices.circuit {
         CircuitChoice::SelfContained => {
-            "the log's motor speed and valve, and starts at rest where the log's piston is, with the log's pressures but for the one that \
-                 carries the load"
+            "the log's motor speed and valve. It starts at rest at the log's piston position with the log's pressures, except for the one \
+                 that carries the load"
         }
         CircuitChoice::ValveControlled => {
-            "the log's valve command, supply and tank pressure, and starts at rest where the log's piston is, with the log's pressures, as \
-                  far as friction can hold what they do not carry"
+            "the log's valve command, supply and tank pressure. It starts at rest at the log's piston position with the log's pressures, \
+                  if friction can carry the remaining load"
         }
     };
     let body = html! {
@@ -362,13 +361,13 @@ fn page(
             @for Part { experiment, .. } in parts { ", from " (format!("{:.3}", experiment.begin)) " s on for " (format!("{:.1}", experiment.duration())) " s" } ". The model is driven by " (driven_by) ". All differences are log less model."
         }
         @for note in notes { p.soft { "Note: " (note) } }
-        h2 { "What looks wrong, and what would move it" }
+        h2 { "Findings" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         @for part in parts { @for input in &part.inputs { p { (input) (of_segment(parts, &part.experiment)) } } }
         @for part in parts { @if let Some(mended) = &part.mended { p { (MENDED) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
         @for part in parts { @if let Some(advice) = &part.advice { p { (advice) (of_segment(parts, &part.experiment)) } } }
         p.soft {
-            "What would move what is beyond its limit is found by exact slopes along each key and tried by running the model with that key changed: "
+            "Candidate keys follow from exact derivatives and are tested by running the model with that key changed: "
             "a hint where to look, no result. " code { "hydroboom show" } " lists where each value comes from."
         }
         h2 { "In numbers" @if is_published { ", beside Table 6" } }
@@ -385,15 +384,15 @@ fn page(
             } } }
         } }
         p.soft {
-            "Fit: 100 % less the share of the log's own spread that the model misses. Coloured: share of the difference's autocorrelations, up to a "
-            "second, that white noise would not have; 0.05 if nothing is left to be explained."
+            "Fit: 100 % less the share of the log's own standard deviation that the model misses. Coloured: share of the difference's autocorrelations, up to a "
+            "second, outside the 95 % band of white noise; 0.05 for white noise."
             @if findings().any(|(_, finding)| row(finding)[RINGS].contains('(')) { " " (SPECTRUM) }
             @if is_published { " The paper's numbers are of its own crane at 120 mm/s." }
         }
         @for (signal, segment, both, difference) in &figures {
             @let paper = if is_published { format!(", as the paper's figure {}", paper_figure(*signal)) } else { String::new() };
             (figure(&format!("{}{segment}{paper}: log and model, over the time since the log's first sample that is compared.", signal.symbol()), both))
-            (figure(&format!("{}{segment}, log less model: of a model that is right, what the sensor scatters about zero.", signal.symbol()), difference))
+            (figure(&format!("{}{segment}, log less model. For a correct model this is sensor noise about zero.", signal.symbol()), difference))
         }
     };
     Ok(document("Hydroboom: log and model", &body))

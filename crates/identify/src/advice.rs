@@ -12,7 +12,7 @@ pub fn experiment_for(key: Free) -> &'static str {
              load pressure between out and back"
         }
         "boom" if name.starts_with("damping") => {
-            "an oscillation test with the valves closed, logged until the ringing is gone: a motion's friction hides \
+            "an oscillation test with the valves closed, logged until the oscillation has decayed: a motion's friction hides \
              the boom's own damping"
         }
         "boom" | "link_1" | "link_2" | "link_3" => {
@@ -20,17 +20,17 @@ pub fn experiment_for(key: Free) -> &'static str {
              frequency differently over the stroke"
         }
         "payload" | "geometry" => {
-            "the load held still at three piston positions: the pressures that carry it are weights and lever arms"
+            "the load held still at three piston positions: the holding pressures determine masses and lever arms"
         }
         "cylinder" | "hoses" | "oil" => {
-            "an oscillation test with the valves closed at the two ends of the stroke, and at two rod-side pressures: \
-             oil and volume change places in the frequency only where the volume changes"
+            "an oscillation test with the valves closed at the two ends of the stroke, and at two rod-side pressures. \
+             Oil and volume have the same effect on the frequency unless the volume changes"
         }
         "pump" if name.contains("leakage") || name.starts_with("slip") => {
-            "the motor at rest with the valves open, and slow motions under load: what leaks is what the piston sinks"
+            "the motor at rest with the valves open, and slow motions under load: the piston sinks by the leaked volume"
         }
         "pump" => {
-            "steady motions at two speeds and two loads: delivery and leakage part with the pressure"
+            "steady motions at two speeds and two loads: delivery and leakage depend differently on the pressure"
         }
         "accumulator" => {
             "a whole stroke out and back, and a night at rest: its pressure against the rod's volume"

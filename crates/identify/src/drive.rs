@@ -39,7 +39,9 @@ impl Drive {
         if signals.get(Signal::MotorCommand).is_none() {
             signals.need(Signal::MotorSpeed, log)?;
         }
-        remarks.push("the motor's speed was not read: the one asked for drives the model".into());
+        remarks.push(
+            "the motor's speed was not measured: the commanded one is the model's input".into(),
+        );
         Ok(Signal::MotorCommand)
     }
 
@@ -63,7 +65,7 @@ impl Drive {
         let gaps = begins().filter(|time| track.and_then(|t| t.at(*time)).is_none()).count();
         if gaps > 1 {
             remarks.push(format!(
-                "for {:.3} s the {} is missing: the last one holds",
+                "for {:.3} s the {} is missing: the last value is used",
                 gaps as f64 * period,
                 driving.symbol()
             ));
@@ -72,8 +74,9 @@ impl Drive {
         match model.choices.circuit {
             CircuitChoice::SelfContained => {
                 if lacks(Signal::HoldingValve) {
-                    remarks
-                        .push("the load-holding valve was not logged: it is taken as open".into());
+                    remarks.push(
+                        "the load-holding valve was not logged: it is assumed to be open".into(),
+                    );
                 }
                 let valve = signals.get(Signal::HoldingValve);
                 let inputs = begins().map(|time| Input {
@@ -89,7 +92,7 @@ impl Drive {
                 ] {
                     if lacks(signal) {
                         remarks.push(format!(
-                            "{} was not logged: it is taken as {:.1} bar",
+                            "{} was not logged: it is assumed to be {:.1} bar",
                             signal.symbol(),
                             value * 1e-5
                         ));

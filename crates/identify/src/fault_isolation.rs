@@ -5,8 +5,8 @@
 //! The log is corrected for it, and so are the initial pressures of the model. Then the model is run again.
 //! The size of an offset or a scale follows from weighted least squares over all signals, including the
 //! effect of the initial values. The hypothesis with the smallest remaining difference is accepted, then
-//! the next one is searched (Isermann, *Fault-Diagnosis Systems*, 2006; forward selection: Draper and
-//! Smith, *Applied Regression Analysis*, 3rd ed. 1998, chapter 15).
+//! the next one is searched. Sources: Isermann, *Fault-Diagnosis Systems*, 2006; forward selection: Draper
+//! and Smith, *Applied Regression Analysis*, 3rd ed. 1998, chapter 15.
 
 use crate::differences::{Difference, Differences, differences};
 use crate::error::IdentifyError;

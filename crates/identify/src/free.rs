@@ -28,7 +28,7 @@ impl Free {
                 let is_named_alone = |name: &str| KEYS.iter().any(|key| key.name == name);
                 let suggestion = match several {
                     _ if Choices::allowed(path).is_some() => {
-                        ": it is a choice and no number, and is not moved; set it by --set, and compare".into()
+                        ": it is a choice and no number, and cannot be tuned; set it by --set, and compare".into()
                     }
                     [] if is_named_alone(path) => {
                         let with_sections = KEYS.iter().filter(|key| key.name == path).map(Key::path);
@@ -36,7 +36,7 @@ impl Free {
                     }
                     [] => match suggestion(path) {
                         same if same.contains(&format!("`{path}`")) => {
-                            ": it is a key of a crane file, and none that is moved".into()
+                            ": it is a key of a crane file, but not one that can be tuned".into()
                         }
                         other => format!("; {}", other.replace('`', "")),
                     },
@@ -68,7 +68,7 @@ impl Free {
         }
         let section = KEYS[free.place].section;
         let suggestion = format!(
-            " that the model depends on: [{section}] is of what is around it, and a log does not tell it"
+            " that the model depends on: [{section}] is not the machine's, and a log does not determine it"
         );
         Err(IdentifyError::Key { key: free.path(), suggestion })
     }

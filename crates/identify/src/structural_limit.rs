@@ -19,38 +19,38 @@ const LIMITS: [StructuralLimit; 8] = [
     StructuralLimit {
         keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
         is_left_out: |n| n.base_stiffness <= 0.0,
-        reason: "of E and the second moment of area only the product shows, and what base, pins and cylinder mounts give is taken for the boom's",
+        reason: "only the product of E and the second moment of area is observable, and the compliance of base, pins and cylinder mounts is attributed to the boom",
     },
     // a flexible base takes a share of the flexibility; the product E I represents the total of both
     StructuralLimit {
         keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
         is_left_out: |_| true,
-        reason: "of E and the second moment of area only the product shows, and what pins and cylinder mounts give is taken for the boom's",
+        reason: "only the product of E and the second moment of area is observable, and the compliance of pins and cylinder mounts is attributed to the boom",
     },
     StructuralLimit {
         keys: &["boom.damping_ratio", "link_2.joint_damping_ratio", "link_3.joint_damping_ratio"],
         is_left_out: |_| true,
-        reason: "friction in pins and base is taken for the boom's damping",
+        reason: "friction in pins and base is attributed to the boom's damping",
     },
     StructuralLimit {
         keys: &["friction.bristle_stiffness_n_per_mm"],
         is_left_out: |n| n.base_stiffness <= 0.0,
-        reason: "what base, pins and cylinder mounts give is taken for the seals'",
+        reason: "the compliance of base, pins and cylinder mounts is attributed to the seals",
     },
     StructuralLimit {
         keys: &["friction.coulomb_n", "friction.stiction_n"],
         is_left_out: |_| true,
-        reason: "hysteresis elsewhere (play of base and pins, air that comes out of the oil and dissolves) is taken for friction",
+        reason: "hysteresis elsewhere (play of base and pins, air that comes out of the oil and dissolves) is attributed to friction",
     },
     StructuralLimit {
         keys: &["friction.viscous_ns_per_m"],
         is_left_out: |_| true,
-        reason: "drag of oil in lines and valves beyond what the model has is taken for friction",
+        reason: "drag of oil in lines and valves that the model omits is attributed to friction",
     },
     StructuralLimit {
         keys: &["pump.flow_gain", "pump.internal_leakage", "pump.case_leakage"],
         is_left_out: |n| n.slip_at_rest <= 0.0 && n.slip_per_speed <= 0.0,
-        reason: "slip in proportion to pressure, and what of it grows with speed, is taken for delivery and leakage",
+        reason: "slip in proportion to pressure, and its part that grows with speed, is attributed to delivery and leakage",
     },
     StructuralLimit {
         keys: &["oil.transition_bar"],

@@ -30,10 +30,10 @@ const LEVEL: f64 = 0.05;
 /// Whiteness test of residuals sampled at `interval` \[s\]. Fewer than four samples, or constant ones,
 /// count as white.
 ///
-/// The squared autocorrelations over their variances sum to a χ² with as many degrees of freedom as lags
-/// (Ljung and Box, On a measure of lack of fit in time series models, Biometrika 65, 1978, 297-303). With
-/// missing samples the existing pairs count (Stoffer and Toloi, A note on the Ljung-Box-Pierce portmanteau
-/// statistic with missing data, Stat. Prob. Lett. 13, 1992, 391-396).
+/// The squared autocorrelations over their variances sum to a χ² with as many degrees of freedom as lags.
+/// Source: Ljung and Box, On a measure of lack of fit in time series models, Biometrika 65, 1978, 297-303.
+/// With missing samples the existing pairs count (Stoffer and Toloi, A note on the Ljung-Box-Pierce
+/// portmanteau statistic with missing data, Stat. Prob. Lett. 13, 1992, 391-396).
 pub(crate) fn whiteness(errors: &[Option<f64>], interval: f64) -> Whiteness {
     let count = errors.iter().flatten().count();
     let mean = errors.iter().flatten().sum::<f64>() / count.max(1) as f64;

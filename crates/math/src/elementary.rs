@@ -40,8 +40,8 @@ pub trait Binary: Real {
 /// of x after k ln(2)/2. `held` holds k in its last bits. The scale stays within 2^±`most`.
 #[inline(always)]
 fn exp_parts<T: Binary>(held: T, p: T, most: f64) -> (T, T) {
-    // p coth p is even in p: a polynomial in y that is exact at zero and at four Chebyshev nodes,
-    // with an error of at most 1.2e-15; its coefficients are those in (2p)²
+    // p coth p is even in p, and is approximated by a polynomial in y. It is exact at zero and at four
+    // Chebyshev nodes, with an error of at most 1.2e-15. Its coefficients are those in (2p)²
     const COTH: [f64; 4] = [
         4.0 * 0.083_333_333_333_032_07,
         16.0 * -0.001_388_888_864_517_123_7,

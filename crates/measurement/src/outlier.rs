@@ -16,9 +16,9 @@ const SPEEDS: f64 = 5.0;
 const MOST: f64 = 0.01;
 
 impl Mapping {
-    /// Replaces samples outside the range of any sensor (lost telegrams, such as -9999 or 65535) by NaN, for a
-    /// cylinder with a stroke \[m\] and a motor with a largest speed \[rev/s\]. Adds a remark with count and place
-    /// for each signal.
+    /// Replaces samples outside the range of any sensor by NaN: lost telegrams, such as -9999 or 65535. The
+    /// ranges are those of a cylinder with a stroke \[m\] and a motor with a largest speed \[rev/s\]. Adds
+    /// a remark with count and place for each signal.
     pub fn without_outliers(
         &self,
         log: &mut Measurement,

@@ -47,7 +47,8 @@ impl<T: Real> DriveState<T> {
     }
 }
 
-/// In how many parts a step \[s\] of a lag of an angular frequency \[rad/s\] is to be taken, so that it does not show that each is of first order.
+/// Number of substeps for a step \[s\] of a lag with an angular frequency \[rad/s\], so that the
+/// first-order error of each is negligible.
 pub fn parts(frequency: f64, step: f64) -> u32 {
     Real::clamp(libm::ceil(frequency * step / FINEST), 1.0, f64::from(MOST_PARTS)) as u32
 }

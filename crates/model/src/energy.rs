@@ -1,10 +1,9 @@
 //! Where the energy is and where it goes.
 //!
-//! [`Crane::energy`] is a state function, [`Crane::power`] its rate of change by name:
-//! `dE/dt = pump − losses + defects`, exactly. A *defect* belongs to an equation that does not
-//! conserve mass: a restriction's volume flow is the same on both sides although the oil's density
-//! is not, and the pump's k_flow stands in for that compression. An inflow Q at pressure p carries
-//! `Q (p + ρe)`.
+//! [`Crane::energy`] is a state function, [`Crane::power`] its rate of change by name: `dE/dt = pump −
+//! losses + defects`, exactly. A *defect* belongs to an equation that does not conserve mass. A
+//! restriction's volume flow is the same on both sides although the oil's density is not. The pump's k_flow
+//! approximates that compression. An inflow Q at pressure p carries `Q (p + ρe)`.
 
 use crate::circuit::Nodes;
 use crate::crane::{Crane, CraneState, Input};

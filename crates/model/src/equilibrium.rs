@@ -18,8 +18,8 @@ pub struct Start<T = f64> {
     pub accumulator_pressure: T,
     /// Gas volume of the accumulator \[m³\].
     pub gas_volume: T,
-    /// How far the pump sides have been pre-loaded, 0 to 1: from the accumulator's pressure, as
-    /// after a long rest with the load held, to the cylinder's, ready to energise the 3/2 valve.
+    /// Pre-load of the pump sides, 0 to 1. At 0 they have the accumulator's pressure, as after a long rest
+    /// with the load held. At 1 they have the cylinder's, ready to energise the 3/2 valve.
     pub preload: T,
 }
 
@@ -271,9 +271,10 @@ impl<T: Real, const N: usize> Crane<T, N> {
 
     /// Angles and cylinder force after one step towards the balance, with exact derivatives.
     ///
-    /// The order of elimination is fixed: from the tip inwards each segment's moment gives its own angle, as the joint holds
-    /// it; then the piston's position gives the first angle, and the moment about the bearing the force. These pivots
-    /// are the joints' stiffness and the cylinder's arm, which vanish in no boom that can stand.
+    /// The order of elimination is fixed. From the tip inwards each segment's moment gives its own angle
+    /// through its joint. Then the piston's position gives the first angle, and the moment about the
+    /// bearing the force. These pivots are the joints' stiffness and the cylinder's arm, which vanish in no
+    /// boom that can stand.
     fn balance_step(&self, angle: &[T; N], force: T, stroke: T) -> Balance<N, T> {
         let n = self.boom.coordinates();
         let over = Dual::<T, 1>::constant;

@@ -1,10 +1,9 @@
 //! An electro-hydraulic crane with a flexible boom, written once over any scalar.
 //!
-//! A [`Crane`] holds parameters and never changes during a run; a [`CraneState`] is all that
-//! does. [`Crane::derivative`] reads like the equations of Hagen et al., *Real-Time
-//! Simulation-Based Control of an Electro-Hydraulic Flexible Manipulator* (Actuators 2025, 14, 80,
-//! doi:10.3390/act14020080), whose numbers stand beside each; [`stepping`] moves it in time,
-//! [`energy`] checks it.
+//! A [`Crane`] holds parameters and never changes during a run; a [`CraneState`] is all that does.
+//! [`Crane::derivative`] reads like the equations of Hagen et al., *Real-Time Simulation-Based Control of
+//! an Electro-Hydraulic Flexible Manipulator* (Actuators 2025, 14, 80, doi:10.3390/act14020080), with their
+//! numbers. [`stepping`] integrates it, [`energy`] checks it.
 //!
 //! SI units throughout: m, rad, kg, s, N, Pa, m³, rev/s. Pressures are gauge; only the gas law
 //! adds the atmosphere. x to the right, y up, angles absolute from the x axis and

@@ -25,9 +25,8 @@ pub struct SideBySide<const W: usize> {
 }
 
 impl<const W: usize> SideBySide<W> {
-    /// Cranes at rest. None where they are of different make (another friction law, another number of
-    /// segments, an effect that one has and another has not), or too finely divided: such cranes
-    /// can only be simulated one by one.
+    /// Cranes at rest. None if their structure differs (friction law, number of segments, an effect that
+    /// only one has), or if they have too many substeps. Such cranes can only be simulated one by one.
     ///
     /// # Errors
     ///

@@ -51,10 +51,10 @@ pub enum BusError {
 fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::AddrInUse => {
-            "another program has it, perhaps another `hydroboom run`; end that, or name another port"
+            "another program uses it, perhaps another `hydroboom run`; end that program, or use another port"
         }
         ErrorKind::PermissionDenied => {
-            "ports below 1024 are for the system's administrator; name one from 1024 on"
+            "ports below 1024 require administrator rights; use one from 1024 on"
         }
         _ => "name another port",
     }

@@ -23,7 +23,7 @@ const AVERAGED: f64 = 256.0;
 pub enum Difference {
     /// Another version of the interface.
     #[error(
-        "the machine speaks version {0} of the interface, and {VERSION} is spoken here: use a machine of version {VERSION}"
+        "the machine has version {0} of the interface, and the controller {VERSION}: use a machine of version {VERSION}"
     )]
     Version(u16),
     /// Another control period \[ns\].
@@ -38,7 +38,9 @@ pub enum Difference {
         controller: u32,
     },
     /// Another number of axes.
-    #[error("the machine has {machine} axes, and the controller {AXES}: let it send {AXES}")]
+    #[error(
+        "the machine has {machine} axes, and the controller {AXES}: the machine must send {AXES}"
+    )]
     Axes {
         /// Number of axes of the machine.
         machine: usize,
@@ -327,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_differs_is_told_in_what() {
+    fn a_mismatch_is_reported_to_the_machine() {
         let mut endpoint = Endpoint::new(SESSION, PERIOD);
         let cases: [(Vec<u8>, &str); 3] = [
             (hello(|hello| hello.period = 2_000_000), "2000000 ns"),

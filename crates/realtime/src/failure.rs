@@ -24,11 +24,11 @@ impl fmt::Display for Failure {
         match self {
             Self::Control(why) => write!(
                 f,
-                "the control task failed: {why}; the load is held, and no course can be run any more"
+                "the control task failed: {why}; the load is held, and no further course can be run"
             ),
             Self::Simulation(why) => write!(
                 f,
-                "the simulation failed: {why}; the benchmark controller goes on without it"
+                "the simulation failed: {why}; the benchmark controller continues without it"
             ),
         }
     }

@@ -124,7 +124,7 @@ impl FlowBaseline {
             }
         }
         if solve_pivoted(&mut matrix, &mut factors, 3).is_none() {
-            return cycle("the readings do not determine it");
+            return cycle("the measurements do not determine it");
         }
         let [gain, leakage, slip]: [f64; 3] = std::array::from_fn(|i| factors[i] / length[i]);
         // noise can make a small leakage negative
@@ -181,7 +181,9 @@ impl FlowBaseline {
             ("residual_mm", self.residual * 1e3, 0.0, 50.0),
         ];
         all.iter().find(|(_, value, low, high)| !(*low..=*high).contains(value)).map(
-            |(key, value, low, high)| format!("{key} = {value} cannot be: it is {low} to {high}"),
+            |(key, value, low, high)| {
+                format!("{key} = {value} is out of range: it is {low} to {high}")
+            },
         )
     }
 
@@ -206,7 +208,7 @@ impl FlowBaseline {
         let text = hydroboom_files::text(path, "baseline", LONGEST)?;
         let other = |reason: String| BaselineError::Other { path: name.clone(), reason };
         let value: Value = serde_json::from_str(&text).map_err(|error| {
-            other(format!("not what `hydroboom run --record-baseline` writes: {error}"))
+            other(format!("not a file of `hydroboom run --record-baseline`: {error}"))
         })?;
         let number = |key: &str| {
             let read = value[key].as_f64().filter(|number| number.is_finite());

@@ -93,8 +93,9 @@ pub trait Machine: Send {
     fn read(&mut self) -> Option<Incoming>;
     /// Sends a command with its sequence number, which increases with every command.
     fn write(&mut self, sequence: u64, outgoing: &Outgoing);
-    /// When the control period begins that is due at a time of the monotonic clock \[ns\]: another time than that, by
-    /// half a period at most, where the machine samples by a clock of its own that control is to follow.
+    /// Begin of the control period that is due at a time of the monotonic clock \[ns\]. It differs from
+    /// that time, by half a period at most, if the machine samples by a clock of its own that control has
+    /// to follow.
     fn release(&self, due: u64) -> u64 {
         due
     }

@@ -97,10 +97,10 @@ pub fn read(
     let text = own_text(path, "file of parameters", LONGEST)?;
     let other = |reason: String| ParameterFileError::Other { path: name.clone(), reason };
     let value: Value = serde_json::from_str(&text)
-        .map_err(|error| other(format!("not what `hydroboom run --parameters` writes: {error}")))?;
+        .map_err(|error| other(format!("not a file of `hydroboom run --parameters`: {error}")))?;
     if value["crane_digest"].as_str() != Some(&model.digest()) {
         return Err(other(format!(
-            "it is of another crane file than \"{}\", or of other overrides: delete it, and the next run writes it anew",
+            "it belongs to another crane file than \"{}\", or to other overrides: delete it, and the next run writes a new one",
             model.name
         )));
     }
@@ -142,7 +142,7 @@ pub fn read(
         let expected = deviations[0].hypot(deviations[1]);
         if off.abs() > CONTRADICTION * expected {
             return Err(other(format!(
-                "{what} is {:.1} {unit} off the crane file's value, where {:.1} {unit} are {CONTRADICTION} standard deviations of both: check oil, pump and crane file, or delete the file to begin anew",
+                "{what} is {:.1} {unit} off the crane file's value; {CONTRADICTION} standard deviations of both are {:.1} {unit}. Check oil, pump and crane file, or delete the file to begin anew",
                 off / size,
                 CONTRADICTION * expected / size
             )));

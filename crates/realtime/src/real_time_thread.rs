@@ -9,10 +9,14 @@ pub fn prepare(task: &str, core: usize, priority: i32) -> Vec<String> {
     unwind_once();
     let mut refused = Vec::new();
     if let Err(error) = pin_to(core) {
-        refused.push(format!("{task} is not pinned to core {core} ({error}): it may wander"));
+        refused.push(format!(
+            "{task} is not pinned to core {core} ({error}): it may move to another core"
+        ));
     }
     if let Err(error) = run_first(priority) {
-        refused.push(format!("{task} has no real-time priority ({error}): others may come first"));
+        refused.push(format!(
+            "{task} has no real-time priority ({error}): other threads may preempt it"
+        ));
     }
     refused
 }

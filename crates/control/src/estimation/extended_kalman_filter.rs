@@ -1,8 +1,10 @@
 //! Extended Kalman filter of the machine: states, unknown inputs and parameters of the [reduced model](super::reduced_model).
 //!
-//! Per control period: prediction `ẑ = f(ẑ, n)`, `P = F P Fᵀ + Q` with the exact Jacobian F by dual numbers; then position and load pressure, one after the
-//! other: innovation ν, variance `S = H P Hᵀ + R`, gain `K = P Hᵀ/S`, `ẑ = ẑ + K ν`, and P by Joseph's form. Beside P, which gives the gain, the
-//! [error covariance](super::error_covariance) follows what the filter takes for exact too; it is what is reported.
+//! Per control period: prediction `ẑ = f(ẑ, n)`, `P = F P Fᵀ + Q` with the exact Jacobian F by dual
+//! numbers. Then correction by position and load pressure, one after the other: innovation ν, variance `S =
+//! H P Hᵀ + R`, gain `K = P Hᵀ/S`, `ẑ = ẑ + K ν`, and P by Joseph's form. Beside P, which gives the gain,
+//! the [error covariance](super::error_covariance) follows what the filter takes for exact too; it is what
+//! is reported.
 //!
 //! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968 (covariance). A load change is told by the
 //! [innovation test](super::innovation_test).

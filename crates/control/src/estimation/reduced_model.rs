@@ -7,8 +7,9 @@
 //! f' = σ w (1 − f sgn(w)/p_C)                          Dahl's friction
 //! ```
 //!
-//! Sources: piston-side pressure build-up, equation (6) with oil (7) of doi:10.3390/act14020080; boom compliance in series and equivalent mass by a fit
-//! to the linearised crane (`reduced_model_fit` in the crate `hydroboom-design`); friction: P. Dahl, *A solid friction model*, 1968.
+//! Sources. Piston-side pressure build-up: equation (6) with oil (7) of doi:10.3390/act14020080. Boom
+//! compliance in series and equivalent mass: a fit to the linearised crane (`reduced_model_fit` in the
+//! crate `hydroboom-design`). Friction: P. Dahl, *A solid friction model*, 1968.
 
 use hydroboom_math::{Real, record};
 use hydroboom_model::hydraulics::Oil;

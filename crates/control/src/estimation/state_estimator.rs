@@ -1,7 +1,8 @@
 //! The machine's state when a command arrives: Kalman filter, identified drive lag, and prediction over the known delays.
 //!
-//! A measurement is some cycles old, and a command arrives some cycles later: the filter runs at the time of the measurement, and its state is predicted
-//! over both delays with the commands that are on their way (state prediction over the dead time; Z. Artstein, IEEE Trans. Automatic Control 27 (1982) 869).
+//! A measurement is some cycles old, and a command arrives some cycles later. The filter runs at the time
+//! of the measurement. Its state is predicted over both delays with the commands that are on their way
+//! (state prediction over the dead time; Z. Artstein, IEEE Trans. Automatic Control 27 (1982) 869).
 
 use super::drive_identification::{DriveIdentification, DriveLag};
 use super::extended_kalman_filter::{EstimatorInput, EstimatorState, ExtendedKalmanFilter};

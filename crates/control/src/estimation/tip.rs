@@ -6,12 +6,14 @@
 //! tip = L e_r(φ) − (w + L C_b M_A) e_t(φ),   φ = φ(x + x_0),   w = (c/E I) ∫ M(s) m(s) ds
 //! ```
 //!
-//! M is the bending moment by payload and boom weight and by their inertia, m that by a unit load at the tip (virtual work), M_A the moment about the bearing A.
-//! Three numbers are the crane's own: c, the boom's bending over that of a uniform beam of the crane file; C_b, the base's compliance; x_0, the stroke's zero.
-//! They are stated with a spread, or fitted to a survey.
+//! M is the bending moment by payload and boom weight and by their inertia, m that by a unit load at the
+//! tip (virtual work). M_A is the moment about the bearing A. Three numbers are the crane's own: c, the
+//! boom's bending over that of a uniform beam of the crane file; C_b, the base's compliance; x_0, the
+//! stroke's zero. They are stated with a spread, or fitted to a survey.
 //!
-//! The payload is a mean over time with the inverse of its variance as weight, from the last load change on: friction that is read as payload changes its sign with the
-//! direction of motion. What the mean is off the filter's payload counts in the variance.
+//! The payload is a mean over time with the inverse of its variance as weight, from the last load change
+//! on. Friction that is attributed to payload changes its sign with the direction of motion, and averages
+//! out. The difference between this mean and the filter's payload counts in the variance.
 //!
 //! ```text
 //! W ← (1 − T/τ) W + T/P_m,   m̄ ← m̄ + T/(P_m W) (m − m̄)

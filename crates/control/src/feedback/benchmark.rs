@@ -1,9 +1,9 @@
 //! The benchmark controller (section 2.3.1, figure 5): velocity feedforward, PI, pressure
 //! feedback.
 //!
-//! The same controller acting on the *simulated* crane gives the simulation-based feedforward of
-//! section 4: its speed is sent to the real crane, alone in open loop (figure 13), or in the place
-//! of the velocity feedforward in closed loop (figure 15).
+//! The same controller acting on the *simulated* crane gives the simulation-based feedforward of section 4.
+//! Its speed is sent to the real crane: alone in open loop (figure 13), or in place of the velocity
+//! feedforward in closed loop (figure 15).
 
 use crate::actuator_limits::ActuatorLimits;
 use crate::controller::AxisState;

@@ -17,8 +17,9 @@ use hydroboom_math::Real;
 
 /// State and motor speed \[rev/s\] that follow a reference.
 ///
-/// `estimate` has friction, disturbances and parameters; friction turns no faster than within `turning` \[m/s\]; the piston side has `rod_side_term` \[Pa\] more than the load
-/// pressure, and no less than none itself.
+/// `estimate` has friction, disturbances and parameters. Friction changes its sign within a velocity of
+/// `turning` \[m/s\] or more. The pressure on the piston side is the load pressure plus `rod_side_term`
+/// \[Pa\], and at least zero.
 #[inline(always)]
 pub fn inverse_dynamics<T: Real>(
     model: &ReducedModel<T>,

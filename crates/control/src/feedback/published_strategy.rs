@@ -1,5 +1,6 @@
-//! The four published strategies as one controller: feedforward by velocity (1) or by the simulated crane's motor speed, alone
-//! (tests 1 and 2 of section 5.3) or with the feedback of the benchmark controller (figures 5 and 15).
+//! The four published strategies as one controller. Feedforward is by velocity (1) or by the simulated
+//! crane's motor speed. It acts alone (tests 1 and 2 of section 5.3) or with the feedback of the benchmark
+//! controller (figures 5 and 15).
 //!
 //! The simulated crane follows the reference under a benchmark controller of its own (figure 13); its motor speed is the
 //! feedforward.

@@ -5,8 +5,9 @@
 //! P ← (A − b K)ᵀ P (A − b K) + Kᵀ r K + Q
 //! ```
 //!
-//! With A, b of the present operating point the recursion (value iteration) converges to the regulator's gain within the closed loop's own settling time, and follows it
-//! as the operating point moves. Joseph's form keeps P symmetric and not negative whatever is rounded.
+//! The recursion (value iteration) has A, b of the present operating point. It converges to the regulator's
+//! gain within the closed loop's own settling time, and tracks it as the operating point moves. Joseph's
+//! form keeps P symmetric and not negative whatever is rounded.
 //!
 //! Source: D. Bertsekas, *Dynamic Programming and Optimal Control*, vol. 1, section 3.1.
 

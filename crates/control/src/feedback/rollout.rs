@@ -279,8 +279,8 @@ impl<T: Real> Rollout<T> {
         state.is_applied = T::select(is_due, is_applied, state.is_applied);
     }
 
-    /// Cost over the horizon and beyond, with what is applied now until the decision, then an extreme speed \[rev/s\] for a time \[s\]; of no meaning where it is
-    /// not due.
+    /// Cost over the horizon and beyond it: the present command until the decision, then an extreme speed
+    /// \[rev/s\] for a time \[s\]. Without meaning where no decision is due.
     fn cost(
         &self,
         state: &RolloutState<T>,

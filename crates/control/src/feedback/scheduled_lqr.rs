@@ -1,8 +1,10 @@
 //! Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference.
 //!
-//! One control period, top to bottom: the estimated state when the command arrives; a feasible reference, smoothed; the governor's offset; state and motor speed along it by
-//! [inverse dynamics](super::inverse_dynamics); feedback of the error by the [regulator](super::riccati) of the present operating point, with
-//! [nested saturation](super::saturation); and, while that saturates, one-step [policy improvement](super::rollout).
+//! One control period has six steps, top to bottom. The estimated state when the command arrives. A
+//! feasible reference, smoothed. The governor's offset. State and motor speed along it by [inverse
+//! dynamics](super::inverse_dynamics). Feedback of the error by the [regulator](super::riccati) of the
+//! present operating point, with [nested saturation](super::saturation). While that saturates, one-step
+//! [policy improvement](super::rollout).
 
 use super::inverse_dynamics::inverse_dynamics;
 use super::riccati::{LinearQuadratic, Matrix, ORDER, Regulator};

@@ -15,8 +15,9 @@ const FAR_SPACING: f64 = 0.05;
 /// Distant set points, the first 800 periods after now.
 const FAR: usize = 35;
 
-/// Set points at fixed times relative to now: every control period from 300 periods before it to 800 after it, and positions every 50 ms for
-/// 1.7 s more: to 2.5 s where the control period is 1 ms. Moved on by [`advance`](Self::advance) once a period.
+/// Set points at fixed times relative to now: every control period from 300 periods before it to 800 after
+/// it. Then positions every 50 ms for 1.7 s more: to 2.5 s where the control period is 1 ms. Moved on by
+/// [`advance`](Self::advance) once a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preview<T> {
     position: [T; NEAR],

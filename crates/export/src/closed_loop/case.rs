@@ -120,8 +120,8 @@ const GAINS: [f64; 3] = [0.5, 1.5, f64::NAN];
 /// Durations of input errors \[control periods\].
 const PERIODS: [u32; 3] = [1, 10, 1000];
 
-/// All trials for a crane. Engagement at both ends, 60, 200 and 350 mm with every payload; holds of 1, 10 and 60 s;
-/// changed gains; and every kind of error in every input, at standstill and in motion.
+/// All trials for a crane. Engagement at both ends, 60, 200 and 350 mm with every payload; holds of 1, 10
+/// and 60 s; changed gains. Also every kind of error in every input, at standstill and in motion.
 pub fn cases(model: &Description) -> Vec<Case> {
     let n = &model.numbers;
     let mut cases = Vec::new();

@@ -171,13 +171,19 @@ pub(super) fn comparison() -> Unit {
         kind: Kind::FunctionBlock,
         name: COMPARISON.into(),
         comment: format!(
-            "Keeps the worst of differences, as a share of a scale. One that is not finite counts as {most}, and stays the worst."
+            "Stores the largest difference, as a share of a scale. One that is not finite counts as {most}, and remains the largest."
         ),
         variables: vec![
-            variable(Section::Input, "bReset", "BOOL", "Begin again"),
-            variable(Section::Input, "fFound", "LREAL", "What was found"),
-            variable(Section::Input, "fWanted", "LREAL", "What it should be"),
-            Declared::new(Section::Input, "fScale", "LREAL", Some("1.0E0"), "What it comes to"),
+            variable(Section::Input, "bReset", "BOOL", "Restart"),
+            variable(Section::Input, "fFound", "LREAL", "Computed value"),
+            variable(Section::Input, "fWanted", "LREAL", "Expected value"),
+            Declared::new(
+                Section::Input,
+                "fScale",
+                "LREAL",
+                Some("1.0E0"),
+                "Scale of the difference",
+            ),
             variable(Section::Output, "fWorst", "LREAL", "Worst difference so far"),
             variable(Section::Local, "fDifference", "LREAL", ""),
             variable(Section::Local, "bFinite", "BOOL", ""),
@@ -216,7 +222,7 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
         let (instance, compared) = (format!("fb{name}"), format!("fbWorst{name}"));
         let said = format!("Worst difference of {block}, as a share of each signal's size");
         outputs.push(Declared::new(Section::Output, &worst, "LREAL", None, &said));
-        let said = format!("{block} computes what Rust does; known when bDone is set");
+        let said = format!("{block} agrees with Rust; valid when bDone is set");
         outputs.push(Declared::new(Section::Output, &passed, "BOOL", None, &said));
         blocks.push(Declared::new(Section::Local, &instance, block, None, ""));
         blocks.push(Declared::new(Section::Local, &compared, COMPARISON, None, ""));
@@ -302,12 +308,12 @@ IF NOT bDone THEN
     };
     let mut variables = vec![
         variable(Section::Output, "bDone", "BOOL", "All calls are done"),
-        variable(Section::Output, "bPassed", "BOOL", "Every block computes what Rust does"),
+        variable(Section::Output, "bPassed", "BOOL", "Every block agrees with Rust"),
         variable(Section::Output, "fWorst", "LREAL", "Worst difference of all blocks"),
     ];
     variables.extend(outputs);
     variables.extend([
-        variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to begin again"),
+        variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to restart"),
         variable(Section::Local, "iCall", "DINT", "Call"),
         variable(Section::Local, "iBefore", "DINT", "Call before"),
         variable(Section::Local, "iPeriod", "DINT", "Control period within the call"),

@@ -44,7 +44,7 @@ pub(super) fn simulation_feedforward(controller: &Unit, steps: u32, step: &str) 
         outputs.iter().map(|v| format!("{0} := fbController.{0};\n", v.name)).collect();
     let count = steps.to_string();
     let mut variables = vec![
-        flag("bReset", "Begin again: the simulated crane at rest at its start"),
+        flag("bReset", "Restart: the simulated crane at rest at its start"),
         flag("bPrepare", "A parameter of one of the blocks was changed; counts in any call"),
     ];
     variables.extend(inputs);

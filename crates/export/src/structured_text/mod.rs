@@ -423,7 +423,7 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     }
 
     let flag = |name, meaning| Declared::new(Section::Input, name, "BOOL", None, meaning);
-    let mut variables = vec![flag("bReset", "Begin again at the start values")];
+    let mut variables = vec![flag("bReset", "Restart at the initial values")];
     let has_parameters = !parameters.is_empty();
     if has_parameters {
         variables.push(flag("bPrepare", "A parameter was changed"));
@@ -456,11 +456,11 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     let preparing_text = match kept.is_empty() {
         true => String::new(),
         false => format!(
-            "IF {when}bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing_text}END_IF;\n"
+            "IF {when}bReset OR NOT bReady THEN\n    (* derived values *)\n{preparing_text}END_IF;\n"
         ),
     };
     let body = format!(
-        "{preparing_text}IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
+        "{preparing_text}IF bReset OR NOT bReady THEN\n    (* initial state *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
     );
     variables.extend(lines.declared(&body));
     let bodies: Vec<&[Statement]> =

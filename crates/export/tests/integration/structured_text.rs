@@ -20,8 +20,8 @@ fn text_of(block: &Block) -> String {
     function_block(block).unwrap().text()
 }
 
-/// Relative to the signal's scale in a motion, 1e-9: functions of the platform and products that round twice differ
-/// in the sixteenth digit, and differences of large pressures within a step lose some digits.
+/// Relative to the signal's scale in a motion, 1e-9. Functions of the platform and products that round
+/// twice differ in the sixteenth digit. Differences of large pressures within a step lose some digits.
 fn agrees(what: &str, step: usize, found: f64, wanted: f64, scale: f64) {
     let off = (found - wanted).abs() / scale;
     assert!(off <= 1e-9, "{what} after step {step}: {found} for {wanted}");

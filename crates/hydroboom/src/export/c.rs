@@ -10,8 +10,9 @@ use hydroboom_export::{
 };
 use miette::{IntoDiagnostic, Result};
 
-/// Write C99: a header and a source with the crane (whole, and as hydraulics and boom), the benchmark controller,
-/// simulation feedforward with its simulated crane, and the scheduled LQR with its state estimator.
+/// Write C99: a header and a source with the crane (whole, and as hydraulics and boom) and the controllers.
+/// These are the benchmark, simulation feedforward with its simulated crane, and the scheduled LQR with its
+/// state estimator.
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\

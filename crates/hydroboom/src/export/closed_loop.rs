@@ -103,7 +103,7 @@ impl ClosedLoop {
             .filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
         {
             miette::bail!(
-                help = "make the folder first: the trials take minutes",
+                help = "create the folder first, because the trials take minutes",
                 "--csv: there is no folder {}",
                 missing.display()
             );
@@ -279,7 +279,7 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
         }
     }
     format!(
-        "{} trials on the virtual crane, {beyond} beyond their computed bounds, which stand in brackets\n{}",
+        "{} trials on the virtual crane, {beyond} beyond their computed bounds (in brackets)\n{}",
         of_asked(rows.len(), asked),
         output::table(&HEADER, &shown)
     )
@@ -308,7 +308,7 @@ const COMPARED: [&str; 8] = [
     "fault",
     "beyond bounds",
     "sustained oscillation",
-    "moves both ended",
+    "moves completed by both",
     "worse RMS than the first target",
 ];
 

@@ -126,7 +126,7 @@ impl Fmu {
         }
         let holds = match systems.is_empty() {
             false => format!("its source and a binary for {}", systems.join(" and ")),
-            true => "its source; no C compiler (cc) is here to make a binary".into(),
+            true => "its source; no C compiler (cc) was found for a binary".into(),
         };
         output::text(&format!(
             "{}: {} bytes, {} of FMI {}.0 with {holds}",

@@ -81,7 +81,7 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     let others = others(folder, files);
     if !others.is_empty() {
         output::warn(&format!(
-            "{} holds files of another export, which do not belong to this one: {}",
+            "{} contains files of another export: {}",
             folder.display(),
             others.join(", ")
         ));

@@ -10,8 +10,9 @@ use hydroboom_export::{
 };
 use miette::{IntoDiagnostic, Result};
 
-/// Write IEC 61131-3 Structured Text: function blocks of hydraulics, boom, simulated crane and controllers (benchmark,
-/// simulation feedforward, scheduled LQR), with two tasks; as plain text, TwinCAT 3 files and PLCopen XML.
+/// Write IEC 61131-3 Structured Text: function blocks of hydraulics, boom, simulated crane and controllers
+/// (benchmark, simulation feedforward, scheduled LQR), with two tasks. It is written as plain text, TwinCAT
+/// 3 files and PLCopen XML.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
     docs/how-to/export-twincat.md shows how it gets into TwinCAT 3")]

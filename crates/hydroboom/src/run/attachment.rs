@@ -67,16 +67,16 @@ pub enum Attached {
     OnFieldbus(FieldbusThread, Box<dyn Machine>),
 }
 
-/// What an attachment came to.
-pub enum Came {
+/// Result of an attachment.
+pub enum AttachmentResult {
     /// The local interface.
     Local(BusReport),
     /// A bus.
     Fieldbus(Box<FieldbusReport>),
 }
 
-/// Deadlines, in real time, and what the attachment came to.
-type Ran = Result<(Option<RealTime>, Option<Came>)>;
+/// Deadlines, in real time, and result of the attachment.
+type Ran = Result<(Option<RealTime>, Option<AttachmentResult>)>;
 
 impl Attached {
     /// With the controller's end.
@@ -110,22 +110,22 @@ impl Attached {
                 let mut run = LocalLockstep::new(tasks, (*bus, side), periods);
                 let Ok(_) = lockstep::attend(&mut run, lookout, pace);
                 let came = BusReport::of(&run.bus.endpoint, Vec::new());
-                Ok((None, Some(Came::Local(came))))
+                Ok((None, Some(AttachmentResult::Local(came))))
             }
             Self::InRealTime(bus, machine) => {
                 let real_time = in_real_time(tasks, machine, lookout)?;
-                Ok((Some(real_time), bus.end().map(Came::Local)))
+                Ok((Some(real_time), bus.end().map(AttachmentResult::Local)))
             }
             Self::OnFieldbus(bus, machine) => {
                 let real_time = in_real_time(tasks, machine, lookout)?;
-                Ok((Some(real_time), bus.end().map(Box::new).map(Came::Fieldbus)))
+                Ok((Some(real_time), bus.end().map(Box::new).map(AttachmentResult::Fieldbus)))
             }
         }
     }
 }
 
-impl Came {
-    /// For machines.
+impl AttachmentResult {
+    /// Report as JSON.
     pub fn json(&self) -> Value {
         match self {
             Self::Local(report) => json(report),
@@ -133,7 +133,7 @@ impl Came {
         }
     }
 
-    /// For people.
+    /// Report as text.
     pub fn text(&self) -> String {
         match self {
             Self::Local(report) => text(report),

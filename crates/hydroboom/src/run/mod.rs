@@ -17,7 +17,7 @@ use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::virtual_crane::strategies;
-use attachment::{Attached, Came};
+use attachment::{Attached, AttachmentResult};
 use clap::Args;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -203,9 +203,7 @@ impl Run {
         let desk = Arc::new(Desk::new(strategy));
         let begin = (strategy, limits, retained);
         if is_attached && !wanted.hung.is_empty() {
-            output::note(
-                "the loads that the scenario hangs on are for somebody at the machine to hang on",
-            );
+            output::note("a person at the machine has to make the scenario's payload changes");
         }
         let mut bus_log = None;
         let attached = match (&self.machine, bus) {
@@ -301,7 +299,7 @@ impl Run {
             Some(path) if path.exists() => {
                 let retained = parameter_file::read(model, path).into_diagnostic()?;
                 let said = parameter_file::summary(model, &retained);
-                output::note(&format!("{}: taken up, {said}", path.display()));
+                output::note(&format!("{}: loaded, {said}", path.display()));
                 Ok(Some(retained))
             }
             Some(path) => {
@@ -310,7 +308,7 @@ impl Run {
                     return Err(miette!("{}: its folder does not exist", path.display()));
                 }
                 output::note(&format!(
-                    "{}: not there yet; the estimator begins with the crane file",
+                    "{}: does not exist yet; the estimator starts with the crane file",
                     path.display()
                 ));
                 Ok(None)
@@ -427,7 +425,7 @@ impl Run {
         cranes: &Cranes,
         watch: &Watch,
         simulated: Option<&CourseResult>,
-        (real_time, bus): (Option<&RealTime>, Option<&Came>),
+        (real_time, bus): (Option<&RealTime>, Option<&AttachmentResult>),
     ) -> Result<()> {
         let results = &watch.results;
         let report = Report {
@@ -464,7 +462,7 @@ impl Run {
                 output::text(&said)?;
             }
         }
-        if let (Some(log), Some(frames)) = (&self.log, bus.and_then(Came::frames)) {
+        if let (Some(log), Some(frames)) = (&self.log, bus.and_then(AttachmentResult::frames)) {
             // never the log's own path
             let extension = if log.extension().is_some_and(|own| own == "pcapng") {
                 "bus.pcapng"
@@ -491,7 +489,7 @@ impl Run {
             Some(MachineStatus::Fault { code }) => format!(", the machine's code {code:#06x}"),
             _ => String::new(),
         };
-        let advice = match bus.and_then(Came::fault) {
+        let advice = match bus.and_then(AttachmentResult::fault) {
             Some(sentence) => sentence.to_string(),
             None => fault.cause.advice().to_string(),
         };
@@ -642,7 +640,7 @@ fn attend(desk: &Arc<Desk>) -> Result<()> {
             output::note("emergency stop");
             desk.emergency_stop();
         } else {
-            output::note("stopping; once more for an emergency stop");
+            output::note("stopping; Ctrl-C again for an emergency stop");
             desk.close();
         }
     })

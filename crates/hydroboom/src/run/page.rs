@@ -67,7 +67,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                     }
                     td.text {
                         @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
-                        @if r.may_oscillate { ", swinging: too short a rest to tell whether it would have gone on" }
+                        @if r.may_oscillate { ", oscillating: the rest was too short to judge whether it decays" }
                         @if let Some(cause) = r.fallback_cause { ", benchmark took over: " (cause) }
                     }
                 } }
@@ -89,31 +89,30 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
     };
     let draw = |y: &str, lines: Vec<(&str, Vec<(f64, f64)>)>| {
         let series = Series::list(lines.into_iter().filter(|(_, points)| !points.is_empty()));
-        Figure { x: "time since the start was asked for [s]", y, series, axes: Axes::Linear }
-            .drawn()
+        Figure { x: "time since the start request [s]", y, series, axes: Axes::Linear }.drawn()
     };
     let bar = |of: fn(&Record) -> f64| over(&|r| Some(of(r) * 1e-5));
     let has_error = records.iter().any(|r| r.error().is_some());
     Ok(html! {
         h2 { "The course" }
-        (figure("Where the piston should be, is, and is in the simulation. Before the load is released the pump takes it over.", &draw("position [mm]", vec![
+        (figure("Reference, measured and simulated position of the piston. Before the release the pump takes over the load.", &draw("position [mm]", vec![
             ("reference", over(&|r| Some(r.reference.position * 1e3))),
             ("machine", over(&|r| Some(r.signals().stroke * 1e3))),
             ("simulation", over(&|r| r.simulated.map(|s| s.axis().stroke * 1e3))),
         ])?))
         @if has_error {
-            (figure("How far the piston is off the reference, as its sensor reads it.", &draw("x - x_ref [mm]", vec![
+            (figure("Measured tracking error of the piston.", &draw("x - x_ref [mm]", vec![
                 ("machine", over(&|r| r.error().map(|e| e * 1e3))),
             ])?))
         }
-        (figure("Pressures: pump port and piston side carry the load, once they are alike the load is released; rod side and accumulator stay low.", &draw("pressure [bar]", vec![
+        (figure("Pressures: pump port and piston side carry the load, once they are equal the load is released; rod side and accumulator stay low.", &draw("pressure [bar]", vec![
             ("p_PA", bar(|r| r.signals().pressure_pump_a)),
             ("p_A", bar(|r| r.signals().pressure_a)),
             ("p_B", bar(|r| r.signals().pressure_b)),
             ("p_PB", bar(|r| r.signals().pressure_pump_b)),
             ("p_acc", bar(|r| r.signals().pressure_accumulator)),
         ])?))
-        (figure("Motor speed that control asked for, and what the drive made of it.", &draw("motor speed [rpm]", vec![
+        (figure("Commanded and measured motor speed.", &draw("motor speed [rpm]", vec![
             ("asked for", over(&|r| Some(r.decision.command.motor_speed * 60.0))),
             ("read", over(&|r| Some(r.signals().motor_speed * 60.0))),
         ])?))
@@ -152,6 +151,6 @@ fn deadlines(r: &RealTime, computer: &str) -> Result<Markup, LabError> {
         } }
         p.soft { (super::report::remarks(r)) }
         (figure("Execution time of a step on its processor.", &draw("execution [us]", Timing::longer_than)?))
-        (figure("How late a step was released.", &draw("release late by [us]", Timing::later_than)?))
+        (figure("Delay of the release of a step.", &draw("release late by [us]", Timing::later_than)?))
     })
 }

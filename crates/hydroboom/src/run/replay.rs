@@ -46,7 +46,8 @@ pub fn replay(model: &Description, path: &Path, as_json: bool) -> Result<()> {
     }
     // the course beyond the end is unknown: the controller brings the piston to rest there
     if rows.last().is_some_and(|row| row.state == State::Moving) {
-        said += "\nthe log ends while the piston moves: what differs in its last seconds may come of that";
+        said +=
+            "\nthe log ends while the piston moves: this may cause differences in its last seconds";
     }
     let code = |found: Option<&str>| found.filter(|c| !c.is_empty()).unwrap_or("none").to_string();
     said += &format!(

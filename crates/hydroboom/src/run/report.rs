@@ -1,6 +1,6 @@
 //! Report of a run as text and JSON.
 
-use super::attachment::Came;
+use super::attachment::AttachmentResult;
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
@@ -25,7 +25,7 @@ pub struct Report<'a> {
     /// Deadline statistics.
     pub real_time: Option<&'a RealTime>,
     /// What the attachment of a machine came to.
-    pub bus: Option<&'a Came>,
+    pub bus: Option<&'a AttachmentResult>,
 }
 
 /// End of a course.
@@ -38,7 +38,7 @@ fn ended(r: &CourseResult) -> String {
         end += &format!(", sustained oscillation of {oscillation}");
     }
     if r.may_oscillate {
-        end += ", swinging: too short a rest to tell whether it would have gone on";
+        end += ", oscillating: the rest was too short to judge whether it decays";
     }
     end
 }
@@ -74,7 +74,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "plant": self.cranes.json(), "attachment": self.bus.map(Came::json),
+            "plant": self.cranes.json(), "attachment": self.bus.map(AttachmentResult::json),
         })
     }
 
@@ -171,19 +171,19 @@ impl Report<'_> {
 /// Further remarks on the deadlines.
 pub fn remarks(r: &RealTime) -> String {
     let mut said = String::from(
-        "Execution is the thread's time on its processor; what other threads took stands apart. The simulation \
+        "Execution is the thread's time on its processor; the time of other threads is separate. The simulation \
          has core 1; the control task shares core 0 with the machine's process, the log and everything else.",
     );
     match r.stolen {
         Some([simulation, control]) => {
             said += &format!(
-                " The hypervisor says that it took {:.0} ms from the simulation's core and {:.0} ms from \
+                " The hypervisor reports that it took {:.0} ms from the simulation's core and {:.0} ms from \
                  control's.",
                 simulation * 1e3,
                 control * 1e3
             );
         }
-        None => said += " What a hypervisor took the kernel does not tell.",
+        None => said += " The kernel does not report the time taken by a hypervisor.",
     }
     said
 }

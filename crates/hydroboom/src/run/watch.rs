@@ -218,7 +218,7 @@ impl Watch {
 
     /// Logs the cycles of a bus, too.
     pub fn with_bus_log(mut self, bus_log: Option<BusLog>) -> Self {
-        // without a log nobody would take its cycles out of their queue
+        // without a log its cycles would remain in their queue
         self.bus_log = bus_log.filter(|_| self.log.is_some());
         self
     }
@@ -391,7 +391,7 @@ impl Watch {
         };
         match writer.leave() {
             Ok(kept) => self.say(&format!(
-                "the log ends here, what was written is in {}: {error}",
+                "the log ends here; the part written is in {}: {error}",
                 kept.display()
             )),
             Err(lost) => self.say(&format!("the log ends here, and is lost: {error}; {lost}")),
@@ -553,7 +553,7 @@ impl Watch {
         if self.desk.is_closing() || (is_fault && !plan.carry_on) {
             self.desk.close();
         } else if is_fault {
-            output::note(&format!("{:8.3} s  reset, because it shall carry on", last.time));
+            output::note(&format!("{:8.3} s  reset, as --carry-on requests", last.time));
             self.desk.reset();
             self.resting = None;
         } else if plan.left == 0 {
@@ -582,18 +582,20 @@ impl Watch {
         if let Some(start) = self.start.take() {
             let within = Desk::START_WITHIN - start.asked.elapsed().as_secs_f64();
             if within <= 0.0 {
-                self.say("no start: it took longer than a second to prepare; ask for it again");
+                self.say("no start: the preparation took longer than a second; start again");
             } else if self.desk.start_in(start.generation, within) {
                 self.desk.choose(start.strategy);
                 self.asked = Some(now);
             } else {
-                self.say("no start: since it was asked for the operator changed, or an emergency stop came");
+                self.say(
+                    "no start: after the request the operator changed or an emergency stop came",
+                );
             }
         }
         if self.asked.is_some_and(|since| now - since > TAKEN_UP) {
             self.asked = None;
             let name = state.name();
-            self.say(&format!("no start: in {name} it was not taken up within a second"));
+            self.say(&format!("no start: it was not accepted in {name} within a second"));
         }
     }
 
@@ -614,11 +616,11 @@ impl Watch {
     fn start_as_chosen(&mut self, choice: &Choice, generation: Generation, asked: Instant) {
         let Some((_, courses)) = &self.dashboard else { return };
         let Some(last) = self.session.last() else {
-            return self.say("no start: nothing has been read of the machine yet");
+            return self.say("no start: there is no measurement of the machine yet");
         };
         if !self.session.is_ready() || self.start.is_some() || self.asked.is_some() {
             let waits = start_waits_for(&last.decision, self.desk.is_attended());
-            let waits = waits.unwrap_or("a start that was asked for before");
+            let waits = waits.unwrap_or("an earlier start request");
             let state = last.decision.state.name();
             return self.say(&format!("no start: the machine is in {state} and waits for {waits}"));
         }

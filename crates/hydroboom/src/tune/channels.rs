@@ -31,7 +31,7 @@ impl Fixed {
 
 /// Heads of a table of channels.
 pub const HEADER: [&str; 5] =
-    ["delay or offset", "found", "95 %", "not zero", "traded most against"];
+    ["delay or offset", "found", "95 %", "not zero", "strongest correlation"];
 
 /// Row of that table.
 pub fn row(channel: &Channel) -> Vec<String> {
@@ -81,8 +81,7 @@ pub fn at_limit(channels: &[Channel]) -> impl Iterator<Item = String> {
         let allowed = c.nuisance.allowed();
         let [low, high] = allowed.range;
         format!(
-            "{} of {} ends at its limit ({low:+} to {high:+} {}): more would be found beyond, and what is left is in the keys. Put what is known of \
-             it into the mapping, or look for what else shifts that channel",
+            "{} of {} ends at its limit ({low:+} to {high:+} {}): a value beyond it would fit better, and the remainder is attributed to the keys. Write a known value into the mapping, or look for another cause",
             c.nuisance.path(),
             c.log,
             allowed.unit

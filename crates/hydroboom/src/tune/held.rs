@@ -153,13 +153,13 @@ pub fn said(held: &[HeldOut]) -> String {
             ]);
         }
     }
-    let header = ["held out", "RMS of", "model", "line before", "last value", "line in hindsight"];
+    let header = ["held out", "RMS of", "model", "line before", "last value", "line through it"];
     let mut said = output::table(&header, &rows);
     for h in held {
         for d in &h.whole {
             let (Some(log), Some(model)) = (d.ringing, d.model_ringing) else { continue };
             said += &format!(
-                "\nwithout {} to {} s: {} rings at {:.3} Hz, the model at {:.3} Hz ({:+.1} %); damping {}, the model's {}",
+                "\nwithout {} to {} s: {} oscillates at {:.3} Hz, the model at {:.3} Hz ({:+.1} %); damping {}, the model's {}",
                 h.stretch.from,
                 h.stretch.to,
                 d.signal.symbol(),
@@ -186,7 +186,7 @@ pub fn keys_said(searches: &[InTurn]) -> String {
 }
 
 /// Note on a key whose result depends on the part of the log.
-pub const APART: &str = "intervals of two of these searches have nothing in common: what the model leaves out is found in it";
+pub const APART: &str = "intervals of two of these searches have nothing in common: an effect that the model omits is attributed to it";
 
 /// Results as JSON.
 pub fn in_json(held: &[HeldOut]) -> Vec<Value> {

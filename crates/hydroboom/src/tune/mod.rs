@@ -101,7 +101,7 @@ impl Tune {
             miette::bail!("--free names {} twice (as its {}. key)", twice.path(), k + 1);
         }
         if let Some(zero) = free.iter().find(|key| key.value(&crane) <= 0.0) {
-            miette::bail!("{} is zero: keys are moved by shares of their value", zero.path());
+            miette::bail!("{} is zero: keys are changed in proportion to their value", zero.path());
         }
         let (mut experiments, mut digests, mut notes) = (Vec::new(), Vec::new(), Vec::new());
         let mut digests_of = Vec::new();
@@ -246,7 +246,7 @@ impl Tune {
         let bar = ProgressBar::new_spinner();
         let resume = kept.and_then(|(_, at)| at.as_deref());
         if resume.is_some() {
-            bar.println("an interrupted search goes on");
+            bar.println("an interrupted search is continued");
         }
         let task = self.task(asked, experiments, resume);
         let failed = RefCell::new(None);
@@ -267,8 +267,8 @@ impl Tune {
         }
         match (found, kept) {
             (Err(IdentifyError::Stopped), Some(_)) => Err(miette!(
-                help = "the same command goes on where it was",
-                "stopped; the best place so far is kept"
+                help = "the same command continues there",
+                "stopped; the best point so far is kept"
             )),
             (Err(IdentifyError::Stopped), None) => {
                 Err(miette!(help = "--out or --journal keep a search", "stopped; nothing is kept"))
@@ -378,13 +378,13 @@ impl Tune {
             "before",
             "after",
             "95 %",
-            "known to [%]",
-            "logs say to [%]",
+            "prior sd [%]",
+            "sd from logs [%]",
             "determined",
-            "traded most against",
+            "strongest correlation",
         ];
         said += &format!(
-            "\n{} {} moved, {} runs of the model{}\n{}\n",
+            "\n{} {} tuned, {} runs of the model{}\n{}\n",
             found.tuned.len(),
             if found.tuned.len() == 1 { "key" } else { "keys" },
             found.evaluations,
@@ -425,11 +425,11 @@ impl Tune {
         }
         let mut open = open(found).peekable();
         if open.peek().is_some() {
-            said += "\nthe logs do not determine these. Why not, and what would tell:";
+            said += "\nthe logs do not determine these. Reason, and an experiment that would:";
         }
         for (t, reason) in open {
             let would = experiment_for(t.key);
-            said += &format!("\n  {}: {reason}. What would tell: {would}", t.key.path());
+            said += &format!("\n  {}: {reason}. Experiment: {would}", t.key.path());
         }
         for note in notes {
             said += &format!("\nnote: {note}");
@@ -496,9 +496,9 @@ fn tested(
 /// Sensor parameters applied to test logs; none without test logs.
 fn carried(outcome: &Outcome<'_>) -> Option<&'static str> {
     (!outcome.tests.is_empty()).then_some(match outcome.found.sensors().is_empty() {
-        true => "On logs that were not used no delay or offset is taken along: all are fixed.",
+        true => "On logs that were not used no delay or offset is applied: all are fixed.",
         false => {
-            "On logs that were not used the tuned model is seen through the same sensors: with the delays and offsets above."
+            "On logs that were not used the tuned model has the same sensors, with the delays and offsets above."
         }
     })
 }
@@ -540,8 +540,7 @@ fn open(found: &Fit) -> impl Iterator<Item = (&Tuned, String)> {
 
 /// Remark on a search from one set of initial values whose model is not right.
 const LOCAL_SEARCH: &str = "the tuned model is not right, and the search was a local one. It may have ended in a \
-    local minimum; then the reasons given for keys do not hold. --generations 20 searches wider; --set begins \
-    elsewhere, near the values that `hydroboom validate` suggests";
+    local minimum; then the reasons given for keys do not hold. --generations 20 searches wider; --set starts the search elsewhere, near the values that `hydroboom validate` suggests";
 
 /// Number with five significant digits.
 struct Shown(f64);

@@ -51,7 +51,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
     let body = html! {
         @for (log, judged) in outcome.judged() { p { b { (verdict_text::said(&judged)) } " " code { (log) } } }
         p.soft {
-            (found.tuned.len()) " keys of \"" (crane.name) "\" moved until the model shows what the logs do; "
+            (found.tuned.len()) " keys of \"" (crane.name) "\" tuned until the model reproduces the logs; "
             (found.evaluations) " runs of the model."
             @if !found.has_converged { " The search has not converged: tune again from the file that is written." }
         }
@@ -62,12 +62,12 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         h2 { "The keys" }
         (keys(found))
         p.soft {
-            "The interval is of the sandwich covariance: what is left counts as it is correlated, in time and between channels, and keys that are not free as "
-            "well as they are known. Known to: what the provenance and range of the key stand for. Logs say to: what the logs alone add to that."
+            "The interval is that of the sandwich covariance: residuals count with their correlation in time and between channels, fixed keys with their prior. "
+            "Prior sd: prior standard deviation by provenance and range. Sd from logs: standard deviation from the logs alone."
         }
         @if !found.channels.is_empty() {
             h2 { "Delay and offset of each channel" }
-            p.soft { "Nuisance parameters of the same problem: what they leave open is in the intervals of the keys. Write what is not zero into the mapping (delay_ms, offset), or fix what is known by --fix." }
+            p.soft { "Nuisance parameters of the same problem: their uncertainty is in the intervals of the keys. Write values that are not zero into the mapping (delay_ms, offset), or fix known ones by --fix." }
             div.wide { table {
                 thead { tr { th { "log" } @for name in channels::HEADER { th { (name) } } } }
                 tbody { @for c in &found.channels { tr { td { (c.log) } @for cell in channels::row(c) { td { (cell) } } } } }
@@ -77,17 +77,17 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
             p { code { (t.key.path()) } " is biased, of an equivalent model: " (reason) "." }
         }
         @if !open.is_empty() {
-            h2 { "What the logs do not determine, and what would" }
-            p { "The value of these is no finding: what was known before decides it, or the model is not the true one." }
+            h2 { "Keys that the logs do not determine, and experiments that would" }
+            p { "The value of these is no result: the prior determines it, or the model is not the true one." }
             ul { @for (t, reason) in &open { li {
-                code { (t.key.path()) } ": " (reason) ". What would tell: " (experiment_for(t.key)) "."
+                code { (t.key.path()) } ": " (reason) ". Experiment: " (experiment_for(t.key)) "."
             } } }
         }
         @if !drawn.is_empty() {
-            h2 { "What the logs say of single keys" }
+            h2 { "Profile likelihood of single keys" }
             p {
-                "Each key held at values beside the one that was found, all others searched for anew: how much worse the model shows the "
-                "logs then. What was known of the key itself is left out."
+                "Each key is fixed at values about its optimum, and all others are fitted again: rise of the sum by the "
+                "logs alone, without the key's own prior."
             }
             @for figure in &drawn { (figure) }
         }
@@ -95,14 +95,14 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         (differences(outcome))
         @if let Some(carried) = super::carried(outcome) { p.soft { (carried) } }
         @if !held.is_empty() {
-            h2 { "What was kept from the search" }
+            h2 { "Held-out stretches" }
             (foretold(outcome))
         }
         @if !outcome.in_turn.is_empty() {
-            h2 { "What each search found" }
+            h2 { "Result of each search" }
             (keys_in_turn(&outcome.in_turn))
         }
-        h2 { "Which keys are traded against which" }
+        h2 { "Correlations of the keys" }
         (correlations(found))
         h2 { "Log and model" }
         @for figure in &figures { (figure) }
@@ -113,7 +113,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
 fn keys(found: &Fit) -> Markup {
     html! { div.wide { table {
         thead { tr {
-            @for name in ["key", "unit", "before", "after", "95 % from", "to", "known to [%]", "logs say to [%]", "determined"] {
+            @for name in ["key", "unit", "before", "after", "95 % from", "to", "prior sd [%]", "sd from logs [%]", "determined"] {
                 th { (name) }
             }
         } }
@@ -154,13 +154,13 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
     let number = |v: Option<f64>, digits: usize| crate::output::optional(v, digits);
     html! {
         p {
-            "RMS differences on stretches that the search did not see. Beside the model: the straight line through half as long a "
-            "stretch before, the last value, and the line through the stretch itself, which only hindsight knows: no smooth course does "
-            "much better than that."
+            "RMS differences on stretches that were not fitted. Beside the model: the regression line through half as long a "
+            "stretch before, the last value, and the regression line through the stretch itself, which is no prediction: no smooth course is "
+            "much better."
         }
         div.wide { table {
             thead { tr {
-                @for name in ["stretch [s]", "signal", "model", "line before", "last value", "line in hindsight"] { th { (name) } }
+                @for name in ["stretch [s]", "signal", "model", "line before", "last value", "line through it"] { th { (name) } }
             } }
             tbody { @for h in &outcome.held { @for f in &h.signals {
                 @let (unit, size) = f.signal.shown();
@@ -173,7 +173,7 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
                 }
             } } }
         } }
-        p { "How the whole log rings, and the model that did not see the stretch:" }
+        p { "Oscillation of the whole log, and of the model fitted without the stretch:" }
         div.wide { table {
             thead { tr {
                 @for name in ["without [s]", "signal", "log [Hz]", "model [Hz]", "damping of the log", "of the model"] { th { (name) } }
@@ -194,7 +194,7 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
 /// Results of the searches that held out one stretch after the other.
 fn keys_in_turn(searches: &[InTurn]) -> Markup {
     html! {
-        p.soft { "Each column is a search that did not see the stretch in its head; behind each value its 95 % interval." }
+        p.soft { "Each column is a search without the stretch in its head; behind each value its 95 % interval." }
         div.wide { table {
             thead { tr { @for name in held::keys_header(searches) { th { (name) } } } }
             tbody { @for row in held::keys_rows(searches) { tr { @for cell in row { td { (cell) } } } } }
@@ -206,7 +206,7 @@ fn keys_in_turn(searches: &[InTurn]) -> Markup {
 /// Table of correlations with the strong ones emphasised.
 fn correlations(found: &Fit) -> Markup {
     html! {
-        p.soft { "Correlations of what is left open. Near 1 or -1 the logs tell the two keys together, and neither alone." }
+        p.soft { "Correlations of the estimates. Near 1 or -1 the logs determine a combination of the two keys, and neither alone." }
         div.wide { table {
             thead { tr { th { "" } @for k in 1..=found.tuned.len() { th { (k) } } } }
             tbody { @for (k, (t, row)) in found.tuned.iter().zip(&found.correlation).enumerate() {

@@ -91,7 +91,7 @@ pub fn words(profile: &Profile) -> String {
 pub fn said(profiles: &[Profile]) -> String {
     let lines: Vec<String> = profiles.iter().map(|p| format!("  {}", words(p))).collect();
     format!(
-        "whatever the other keys are, and what was known of this one apart (profile likelihood, 95 %):\n{}",
+        "for any values of the other keys, without the prior of this one (profile likelihood, 95 %):\n{}",
         lines.join("\n")
     )
 }

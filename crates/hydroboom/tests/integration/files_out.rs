@@ -151,7 +151,7 @@ fn an_output_that_fails_costs_no_other() {
         let output = hydroboom(&[&arguments[..], &outputs[..]].concat());
         let said = errors(&output);
         assert!(!output.status.success(), "{said}");
-        assert!(said.contains("not all is written") && said.contains(&lost), "{said}");
+        assert!(said.contains("not all outputs are written") && said.contains(&lost), "{said}");
         assert!(!output.stdout.is_empty(), "{said}");
         let page = fs::read_to_string(&report).unwrap();
         assert!(page.ends_with("</html>"), "{said}");

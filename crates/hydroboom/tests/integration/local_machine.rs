@@ -49,7 +49,7 @@ fn what_cannot_be_attached_is_said() {
         ("ethercat:lo", "clocks of their own"),
         ("virtual:../../cranes", "directory"),
         ("../../cranes", "directory"),
-        (port.as_str(), "another program has it"),
+        (port.as_str(), "another program uses it"),
     ] {
         let output = hydroboom(&["run", "--simulated-time", "--machine", machine]);
         let said = in_one_line(&String::from_utf8_lossy(&output.stderr));

@@ -202,7 +202,7 @@ fn samples_that_are_too_far_apart_judge_nothing() {
     assert_eq!(told, ["position", "pressures", "damping"], "{found}");
     assert!(verdict.iter().all(|aspect| aspect["right"] == true), "{found}");
     let words = said(&["validate", "--log", &log]);
-    let fine = ["That is within its limit.", "nothing is left but what its sensor scatters."];
+    let fine = ["That is within its limit.", "only sensor noise remains."];
     let count: usize = fine.iter().map(|said| words.matches(said).count()).sum();
     assert_eq!(count, 6, "{words}");
 }
@@ -241,7 +241,7 @@ fn late(from: &str, to: &str, column: &str, rows: usize) {
     std::fs::write(to, lines.join("\n")).unwrap();
 }
 
-/// One sensor with an offset of 5 bar or a scale error of 4 %: it is isolated, and no key is proposed,
+/// One sensor has an offset of 5 bar or a scale error of 4 %. It is isolated, and no key is proposed,
 /// because the sensor on the other side of the open valve contradicts it. A wrong load shows in both
 /// sensors and is no sensor fault.
 #[test]
@@ -267,13 +267,13 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
         let text = said(&["validate", "--log", &off]);
         let line = text.lines().find(|line| line.starts_with("p_A: ")).unwrap();
         assert!(line.contains(wanted) && line.contains(mapping), "{line}");
-        assert!(line.contains("p_PA shows nothing of it"), "{line}");
+        assert!(line.contains("p_PA does not show it"), "{line}");
         assert!(!text.contains("each key on its own"), "{text}");
     }
     // a motor speed delayed relative to all other signals is one delay, not several advanced sensors
     late(&log, &off, "motor_speed_rpm", 2);
     let text = said(&["validate", "--log", &off]);
-    assert!(text.contains("motor speed: 20.0 ms late beside x_cyl"), "{text}");
+    assert!(text.contains("motor speed: 20.0 ms late relative to x_cyl"), "{text}");
     assert!(!text.contains("delay of sensor") && !text.contains("each key on its own"), "{text}");
     let text = said(&["validate", "--set", "payload.mass_kg=280", "--log", &log]);
     assert!(!text.contains("of its sensor"), "{text}");

@@ -110,8 +110,8 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && said.contains("not all is written"), "{said}");
-    let (_, kept) = said.split_once("the log ends here, what was written is in ").expect(&said);
+    assert!(!output.status.success() && said.contains("not all outputs are written"), "{said}");
+    let (_, kept) = said.split_once("the log ends here; the part written is in ").expect(&said);
     let (kept, _) = kept.split_once(".partial: ").expect(&said);
     let kept = format!("{kept}.partial");
     let full: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

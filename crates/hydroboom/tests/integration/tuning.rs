@@ -35,8 +35,8 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
         assert_eq!(aspect["right"], found.abs() <= limit, "{aspect}");
     }
     let page = std::fs::read_to_string(&report).unwrap();
-    assert!(page.find("right for").unwrap() < page.find("What looks wrong").unwrap());
-    assert!(page.contains("What looks wrong") && page.matches("<svg").count() == 12);
+    assert!(page.find("right for").unwrap() < page.find("Findings").unwrap());
+    assert!(page.contains("Findings") && page.matches("<svg").count() == 12);
     let found = parsed(&[
         "tune",
         "--log",
@@ -55,7 +55,7 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
     ]);
     keys(&found["profiles"][0], &["key", "limit", "interval_95", "points"]);
     let page = std::fs::read_to_string(&report).unwrap();
-    assert!(page.contains("What the logs say of single keys"));
+    assert!(page.contains("Profile likelihood of single keys"));
     keys(&found["keys"][0], &["key", "before", "after", "interval_95", "determined", "partner"]);
     let text = std::fs::read_to_string(&tuned).unwrap();
     assert!(
@@ -203,7 +203,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     let test = &found["tests"][0]["rms"][0];
     keys(test, &["signal", "unit", "before", "after"]);
     let page = std::fs::read_to_string(&report).unwrap();
-    assert!(page.contains("kept from the search") && page.contains("traded against"));
+    assert!(page.contains("Held-out stretches") && page.contains("Correlations of the keys"));
     assert!(page.contains("without 4 to 5 s"));
     assert!(page.matches("<svg").count() >= 6);
 

@@ -58,7 +58,7 @@ impl Determination {
             Self::ModelNotRight(aspect) => {
                 format!("the tuned model is not right for {}", name(aspect))
             }
-            Self::NotMoreThanKnown => "the logs say no more of it than was known".into(),
+            Self::NotMoreThanKnown => "the logs add nothing to its prior".into(),
             Self::WideInterval => format!(
                 "its 95 % interval reaches beyond {:.2} to {:.2} of its value",
                 1.0 / WIDEST,

@@ -12,10 +12,10 @@
 //! tenth of a bar of a pump side would bias the keys. Delay and offset of each channel are free as well
 //! ([`Nuisance`]).
 //!
-//! The cost is minimised by the Levenberg-Marquardt method with exact sensitivities; σ is estimated again
-//! once, from the residuals of the first minimum (output error and maximum a posteriori: Ljung, *System
-//! Identification*, 2nd ed. 1999, chapter 7; Söderström and Stoica, *System Identification*, 1989, chapter
-//! 7).
+//! The cost is minimised by the Levenberg-Marquardt method with exact sensitivities. σ is estimated again
+//! once, from the residuals of the first minimum. Sources (output error, maximum a posteriori): Ljung,
+//! *System Identification*, 2nd ed. 1999, chapter 7; Söderström and Stoica, *System Identification*, 1989,
+//! chapter 7.
 
 mod covariance;
 mod determination;
@@ -317,9 +317,9 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let predictions = layout.predictions(parameters.as_slice())?;
     let mut sigma = deviations(task.experiments, &predictions, Weighting::Independent);
     let accuracy = deviations(task.experiments, &predictions, Weighting::Transducers);
-    // second stage, with long integration steps, from the same place twice. Far from the minimum, delays and
-    // offsets of channels cause local minima, and so do small residuals of one signal beside large ones of
-    // another: without them the cost may become smaller despite fewer parameters
+    // second stage, with long integration steps, from the same place twice. Far from the minimum, delays
+    // and offsets of channels cause local minima, and so do small residuals of one signal beside large ones
+    // of another. Without them the cost may become smaller despite fewer parameters
     let first = Layout { experiments: &coarse, ..layout };
     let mut least = f64::INFINITY;
     let initial = parameters;

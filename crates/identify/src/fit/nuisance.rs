@@ -1,9 +1,9 @@
 //! Delay and offset of each compared channel: nuisance parameters of the fit.
 //!
 //! A position delayed by 4 ms, or a transmitter of absolute pressure, is no property of the crane. If it is
-//! omitted from the fit, the crane's keys are biased. As a parameter of the same fit it is estimated together
-//! with them, and its correlation with the keys widens their intervals (Ljung, *System Identification*, 2nd
-//! ed. 1999, section 14.1; Seber and Wild, *Nonlinear Regression*, 1989, section 5.9).
+//! omitted from the fit, the crane's keys are biased. As a parameter of the same fit it is estimated
+//! together with them, and its correlation with the keys widens their intervals. Sources: Ljung, *System
+//! Identification*, 2nd ed. 1999, section 14.1; Seber and Wild, *Nonlinear Regression*, 1989, section 5.9.
 
 use super::Channel;
 use crate::error::IdentifyError;

@@ -36,8 +36,9 @@ impl KalmanFilter {
         let q = SMatrix::from_diagonal(&drift.map(|d| d * d * period));
         let read = vector![READINGS[0] / 1e-3, READINGS[1] / 1e5];
         let r = SMatrix::from_diagonal(&read.map(|d| d * d));
-        let gain = least_variance(&a, &c, &q, &r)
-            .ok_or(LabError::NoBaseline("no Kalman filter settles for this crane"))?;
+        let gain = least_variance(&a, &c, &q, &r).ok_or(LabError::NoBaseline(
+            "the Kalman filter's Riccati equation has no stabilising solution for this crane",
+        ))?;
         let back = units.map(|v| if v == 0.0 { 0.0 } else { 1.0 / v });
         Ok(Self { gain: scale * gain * back, state: SVector::zeros() })
     }

@@ -47,8 +47,9 @@ impl Weights {
     pub(super) fn feedback(&self, crane: &LinearPlant) -> Result<(CostToGo, Feedback), LabError> {
         let (a, b) = crane.moving();
         let (q, r) = self.costs();
-        least_cost(&a, &b, &q, &r)
-            .ok_or(LabError::NoBaseline("no feedback of least cost settles for this crane"))
+        least_cost(&a, &b, &q, &r).ok_or(LabError::NoBaseline(
+            "the Riccati equation has no stabilising solution for this crane",
+        ))
     }
 }
 

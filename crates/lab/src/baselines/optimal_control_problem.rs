@@ -6,9 +6,9 @@
 //! subject to  z_(k+1) = F(z_k, u_k),   |u_k| ≤ n_max,   |g (u_k − n_k)| ≤ slew,   p_min ≤ p_k + p_h ≤ p_max
 //! ```
 //!
-//! z = (y, w, p, f, n): load position and velocity, load pressure, friction, motor speed; x = y + γ p is
-//! the piston position. m_k is the number of periods of a block, and v_k the weight of its end. g is the
-//! share of the distance to its command that the motor covers in a period. F is the estimator's model in
+//! The state z = (y, w, p, f, n) is load position and velocity, load pressure, friction, motor speed. The
+//! piston position is x = y + γ p. The number of periods of a block is m_k, and v_k the weight of its end.
+//! The motor covers the share g of the distance to its command in a period. F is the estimator's model in
 //! steps of at most [`LONGEST_STEP`] periods. Derivatives are exact, by dual numbers.
 
 use super::condensed::{Block, Limit, Linear};

@@ -268,7 +268,9 @@ impl CycleReport {
                 match unless_stopped(found)? {
                     Ok(found) => (found.model, found.payload),
                     Err(error) => {
-                        self.remarks.push(format!("nothing was identified, nor learned: {error}"));
+                        self.remarks.push(format!(
+                            "the identification failed, and no correction was learned: {error}"
+                        ));
                         return Ok(());
                     }
                 }
@@ -280,7 +282,7 @@ impl CycleReport {
         let outside = outside_range(model, &self.identified);
         for key in &outside {
             self.remarks.push(format!(
-                "{key} is outside the crane file's range of it: widen the range there before it is used"
+                "{key} is outside the crane file's range: widen the range there before it is used"
             ));
         }
         let asked: Vec<f64> = record.commands.iter().map(|command| command.motor_speed).collect();
@@ -300,7 +302,7 @@ impl CycleReport {
         let checked =
             law.and_then(|law| Ok((law.convergence(&identified, course, periods, stages)?, law)));
         match unless_stopped(checked)? {
-            Err(error) => self.remarks.push(format!("nothing was learned: {error}")),
+            Err(error) => self.remarks.push(format!("no correction was learned: {error}")),
             Ok((convergence, law)) => {
                 if convergence.is_contraction() {
                     for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {

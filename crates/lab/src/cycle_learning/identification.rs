@@ -97,7 +97,8 @@ pub(crate) fn identified(
     match is_commanded {
         true => free.extend(Free::of_drive(&model)),
         false => remarks.push(
-            "the log has not both commanded and measured motor speed: the drive's delay is taken as it was known".into(),
+            "the log lacks commanded or measured motor speed: the drive's delay is not identified"
+                .into(),
         ),
     }
     // all measurements of a period share one bus; the tracked position is the measured one, so it has no
@@ -130,7 +131,7 @@ pub(crate) fn identified(
 /// Reason why the keys that the log determines together contradict the prior; none if they agree. Their squared
 /// deviations in standard deviations sum to χ² with as many degrees of freedom.
 ///
-/// An estimate is drawn towards the prior: it varies about it by the prior's variance less the posterior one (G. Box,
+/// An estimate is shrunk towards the prior: it varies about it by the prior's variance less the posterior one (G. Box,
 /// Sampling and Bayes' inference in scientific modelling and robustness, J. R. Stat. Soc. A 143, 1980, 383-430). The
 /// log determines a key where its own information exceeds the prior's.
 fn improbable(tuned: &[Tuned]) -> Option<String> {
@@ -152,7 +153,7 @@ fn improbable(tuned: &[Tuned]) -> Option<String> {
         .collect();
     (chance < IMPROBABLE).then(|| {
         format!(
-            "the {} keys that the log determines are farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
+            "the {} keys that the log determines deviate from their prior more than the file's crane would (chi-squared {square:.0}): {}",
             far.len(),
             named.join(", ")
         )
@@ -244,10 +245,10 @@ mod tests {
         IDENTIFIED.iter().zip(distances).map(key).collect()
     }
 
-    /// A log as informative as the prior moves an estimate half of the way: three such keys of a crane 3.6 standard
-    /// deviations away contradict the prior, as one well determined key does.
+    /// A log as informative as the prior moves an estimate half of the way. Three such keys of a crane 3.6
+    /// standard deviations away contradict the prior, as one well determined key does.
     #[test]
-    fn estimates_that_are_drawn_towards_what_was_known_are_held_against_how_they_vary() {
+    fn estimates_shrunk_towards_the_prior_are_tested_against_their_own_variance() {
         let half = 0.5_f64.sqrt() * 0.29;
         assert!(improbable(&keys(&[(0.3 * 3.6, 0.001)])).is_some());
         assert!(improbable(&keys(&[(0.15 * 3.6, half); 3])).is_some());

@@ -80,7 +80,7 @@ pub fn identify_log(
     for j in judged.iter().filter(wrong) {
         let (unit, size) = j.signal.shown();
         refusals.push(format!(
-            "no model near the crane file's shows this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is it a log of another crane?",
+            "no model near the crane file's reproduces this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is it a log of another crane?",
             j.signal.symbol(),
             j.found / size,
             j.limit / size
@@ -93,14 +93,18 @@ pub fn identify_log(
         .into_iter()
         .partition(|assignment| assignment.starts_with(PAYLOAD));
     refusals.extend(payloads.into_iter().map(|key| {
-        format!("{key} is outside the crane file's range of it: another crane, or a load that it is not made for")
+        format!(
+            "{key} is outside the crane file's range: another crane, or a load beyond its rating"
+        )
     }));
     // a refused fit must not be used
     let identified = if refusals.is_empty() { identified } else { Vec::new() };
     let payload = payload.filter(|_| refusals.is_empty());
     if refusals.is_empty() {
         remarks.extend(others.into_iter().map(|key| {
-            format!("{key} is outside the crane file's range of it: widen the range there before it is used")
+            format!(
+                "{key} is outside the crane file's range: widen the range there before it is used"
+            )
         }));
     }
     let period = found.numbers.control_period;
@@ -137,7 +141,7 @@ fn too_little_motion(model: &Description, log: &Signals, window: Window) -> Opti
     let [out, back] = travel.map(|travel| 1e3 * travel);
     travel.iter().any(|travel| *travel < LEAST_TRAVEL * motion).then(|| {
         format!(
-            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm; to identify pump and friction for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
+            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm. To identify pump and friction for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
             1e3 * motion,
             1e3 * LEAST_TRAVEL * motion
         )

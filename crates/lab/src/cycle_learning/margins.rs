@@ -70,7 +70,7 @@ pub(crate) fn exceeded(crane: &Description, record: &Record, course: &dyn Course
     let fastest = fastest.max_by(|a, b| a.1.total_cmp(&b.1));
     if let Some((at, speed)) = fastest.filter(|(_, v)| exceeds(*v, n.motor_speed * (1.0 + 1e-9))) {
         said.push(format!(
-            "the motor is asked for {:.0} rpm at {at:.3} s, and motor.max_speed_rpm is {:.0}",
+            "the commanded motor speed is {:.0} rpm at {at:.3} s, and motor.max_speed_rpm is {:.0}",
             speed * 60.0,
             n.motor_speed * 60.0
         ));
@@ -87,7 +87,7 @@ mod tests {
     type Change<'a> = &'a dyn Fn(usize, &mut AxisSignals<f64>, &mut AxisCommand<f64>);
 
     #[test]
-    fn each_margin_is_told_with_time_and_amount_and_a_cycle_within_them_says_nothing() {
+    fn each_exceeded_margin_is_reported_with_time_and_amount() {
         let crane = Description::uia_single_boom().unwrap();
         let course = crane.motion(crane.numbers.fast);
         let period = crane.numbers.control_period;

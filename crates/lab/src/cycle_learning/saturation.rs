@@ -19,13 +19,13 @@ pub(crate) fn saturations(model: &Description, commands: &[f64], period: f64) ->
         let most = commands.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
         let beyond = match most > n.motor_speed * (1.0 + 1e-9) {
             true => format!(
-                ", and up to {:.0} rpm beyond it are asked for",
+                ", and up to {:.0} rpm beyond it are commanded",
                 (most - n.motor_speed) * 60.0
             ),
             false => String::new(),
         };
         said.push(format!(
-            "the motor's speed is at its limit of {:.0} rpm for {:.3} s, from {:.3} s on{beyond}: no correction makes up for all that it lacks there",
+            "the motor's speed is at its limit of {:.0} rpm for {:.3} s, from {:.3} s on{beyond}: no correction can compensate this fully",
             n.motor_speed * 60.0,
             saturated.len() as f64 * period,
             time(*first)
@@ -38,7 +38,7 @@ pub(crate) fn saturations(model: &Description, commands: &[f64], period: f64) ->
     if let Some((k, lack)) = most.filter(|(_, lack)| *lack > TOLD * n.motor_speed) {
         let count = lacks.filter(|lack| *lack > TOLD * n.motor_speed).count();
         said.push(format!(
-            "the motor's slew of {:.0} rpm/s limits it for {:.3} s; at {:.3} s it lacks {:.0} rpm: no correction makes up for all that it lacks there",
+            "the motor's slew of {:.0} rpm/s limits it for {:.3} s; at {:.3} s it lacks {:.0} rpm: no correction can compensate this fully",
             n.motor_slew * 60.0,
             count as f64 * period,
             time(k),

@@ -342,7 +342,7 @@ pub(super) fn best_deviation<const N: usize>(
             return Ok(Some(Solution { square, least }));
         }
     }
-    Err(LabError::NoBound("the search for the best motor speeds does not end".into()))
+    Err(LabError::NoBound("the search for the optimal motor speeds does not converge".into()))
 }
 
 #[cfg(test)]

@@ -45,8 +45,8 @@ pub fn bode_page(
     let phases = Figure { x, y, series: Series::list(phases), axes: Axes::LogarithmicX };
     let body = html! {
         p.soft { "From motor speed [rpm], by exact derivatives of the model at this operating point." }
-        (figure("Magnitude: how much each output answers to a rpm of motor speed, by frequency.", &sizes.drawn()?))
-        (figure("Phase: how late it answers; a turn of -180 deg marks a mode of the load.", &phases.drawn()?))
+        (figure("Magnitude: gain of each output per rpm of motor speed, by frequency.", &sizes.drawn()?))
+        (figure("Phase of each output; a change of -180 deg marks a mode of the load.", &phases.drawn()?))
         h2 { "Poles" }
         div.wide { table {
             thead { tr { th { "real [1/s]" } th { "imaginary [rad/s]" } th { "frequency [Hz]" } th { "damping ratio" } } }

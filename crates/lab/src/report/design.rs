@@ -67,8 +67,8 @@ pub fn design_page(
     let phase = bode("phase [deg]", phases, Axes::LogarithmicX)?;
     let body = html! {
         h2 { "Loop at mid-stroke, broken at the motor" }
-        (figure("Gain of the loop: errors are held back where it is above 1; the peak is the load on its oil.", &size))
-        (figure("Phase of the loop: what it is above -180 deg where the gain crosses 1 is the phase margin.", &phase))
+        (figure("Loop gain: errors are suppressed where it is above 1; the peak is the load mode.", &size))
+        (figure("Loop phase: its distance from -180 deg where the gain crosses 1 is the phase margin.", &phase))
         h2 { "Margins" }
         @for stability in loops.iter().filter(|of| !of.stable) {
             p.unstable { (stability.to_string()) }

@@ -50,12 +50,12 @@ pub fn estimation_page(
         h2 { "Innovations" }
         (table_of_innovations(found))
         p.soft {
-            "Innovation: what was measured less what the filter predicted. NIS: its square over its variance, 1 if the filter knows its errors. A second is \
-            consistent where the mean NIS is at most 2; nine of ten seconds have to be. Measured scatter taken: position "
+            "Innovation: measurement less prediction of the filter. NIS: its square over its variance, 1 on average for a consistent filter. A second is \
+            consistent where the mean NIS is at most 2; 90 % of the seconds must be. Measurement noise used: position "
             (format!("{:.3}", found.noise[0] * 1e3)) " mm, load pressure " (format!("{:.3}", found.noise[1] * 1e-5)) " bar."
         }
         @for (name, svg) in &innovations {
-            (figure(&format!("Innovation of the {} (measured less predicted), and the band of two standard deviations that holds 95 % of it while filter and machine agree.", readable(name)), svg))
+            (figure(&format!("Innovation of the {} (measured less predicted), and the band of two standard deviations that contains 95 % of it for a consistent filter.", readable(name)), svg))
         }
         h2 { "Over time" }
         @for (name, svg) in &figures {

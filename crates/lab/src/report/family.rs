@@ -150,10 +150,10 @@ fn beside_the_benchmark(rows: &[&Row]) -> Markup {
 /// increase the error.
 fn explanation() -> Markup {
     html! {
-        h2 { "Where simulation feedforward helps, and where it hurts" }
+        h2 { "Where simulation feedforward reduces the error, and where it increases it" }
         p {
-            "In open loop it knows what velocity feedforward does not, the oil's compression and the "
-            "pump's losses, and needs no sensor: it helps as far as the model is right about them."
+            "In open loop it includes what velocity feedforward omits: the oil's compression and the "
+            "pump's losses. It needs no sensor, and reduces the error as far as the model is correct there."
         }
         p {
             "In closed loop the published scheme adds the simulation's speed to an unchanged PI and "
@@ -161,18 +161,18 @@ fn explanation() -> Markup {
             i { "G" sub { "p" } } "), PI " i { "C" } ", pressure feedback " i { "F" }
             " and loop L = C G" sub { "x" } " + F G" sub { "p" } ", the benchmark's error is "
             "E = (1 − G" sub { "x" } " u" sub { "FF" } " + F G" sub { "p" } ")/(1 + L) of the reference. "
-            "Where the model equals the plant, simulation feedforward makes of it"
+            "Where the model equals the plant, simulation feedforward changes it to"
         }
         p { "E' = (E + F G" sub { "p" } ")/(1 + L)." }
         p {
-            "The first term is the benchmark's error, fought by the loop a second time: that helps. "
-            "The second is new: the plant's pressure feedback brakes the very load pressure that the "
-            "simulation, which has its own pressure feedback, had asked for. The motion is damped "
-            "twice. Where the loop is fast the first term wins, in ramps and corners the second. The "
-            "remedy is to feed back what differs from the simulation, not what it expects."
+            "The first term is the benchmark's error, reduced by the loop a second time. "
+            "The second is new: the plant's pressure feedback opposes the load pressure that the "
+            "simulation, which has its own pressure feedback, requires. The motion is damped "
+            "twice. Where the loop is fast the first term dominates, in ramps and corners the second. The "
+            "remedy is feedback of the difference from the simulation."
         }
         p {
-            "The scheduled LQR (ours) needs no simulated crane for that: it feeds back what estimates of the machine's state differ from the "
+            "The scheduled LQR (ours) needs no simulated crane for that: it feeds back the difference between the estimated state and the "
             "inverse dynamics of the reference, so that nothing is damped twice."
         }
     }

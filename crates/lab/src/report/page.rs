@@ -179,7 +179,7 @@ fn differences(study: &Study) -> Markup {
         } }
         @if let Some(hz) = study.virtual_pressure_oscillation_hz {
             p {
-                "The virtual crane's p_A rings at " strong { (format!("{hz:.3} Hz")) }
+                "The virtual crane's p_A oscillates at " strong { (format!("{hz:.3} Hz")) }
                 @if let Some(paper) = study.paper_measured_pressure_oscillation_hz {
                     " (measured on the paper's crane: " (format!("{paper:.3}")) " Hz)"
                 }
@@ -288,7 +288,7 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
         p {
             "On the nominal plant the open-loop simulation feedforward repeats the benchmark's closed loop, "
             "because plant and simulation are the same: that column says nothing about a real crane. "
-            "On the others nothing corrects what the model does not know of their pump."
+            "On the others nothing corrects the model's error of their pump."
         }
         (panels)
     })
@@ -296,13 +296,13 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
 
 fn damping(study: &Study) -> Markup {
     html! {
-        h2 { "What the published closed loop of simulation feedforward loses" }
+        h2 { "Double damping in the published closed loop of simulation feedforward" }
         p {
             "It adds the simulation's speed to an unchanged PI and pressure feedback. The simulation has its "
             "own pressure feedback already, and so the load pressure that a motion needs is damped twice. "
             "With plant G" sub { "x" } ", G" sub { "p" } ", PI C, pressure feedback F and L = C G" sub { "x" }
             " + F G" sub { "p" } ", and the model equal to the plant, the benchmark's error E becomes "
-            "(E + F G" sub { "p" } ")/(1 + L). If the plant's pressure feedback acts on what differs from the "
+            "(E + F G" sub { "p" } ")/(1 + L). If the plant's pressure feedback acts on the difference from the "
             "simulation, p - p" sub { "sim" } ", it becomes E (1 + F G" sub { "p" } ")/(1 + L) instead."
         }
         div.wide { table {
@@ -334,9 +334,9 @@ fn test_4(study: &Study) -> Markup {
         h2 { "Test 4: scheduled LQR" }
         p {
             "Ours, not the paper's. An extended Kalman filter estimates position, velocity and load pressure of the load, friction, unknown force and flow, payload "
-            "and the oil's transition pressure; a linear-quadratic regulator, scheduled over these, feeds back what they differ from the inverse dynamics of "
-            "the reference, which is smoothed over a preview of 0.4 s and led within the motor's limits. The published strategies are told no more than where "
-            "the reference is. The figures are with those of tests 1 to 3."
+            "and the oil's transition pressure; a linear-quadratic regulator, scheduled over these, feeds back their difference from the inverse dynamics of "
+            "the reference, which is smoothed over a preview of 0.4 s and limited by a governor to what the motor can follow. The published strategies have "
+            "no preview of the reference. The figures are with those of tests 1 to 3."
         }
         div.wide { table {
             thead { tr {

@@ -75,11 +75,11 @@ pub fn panels<'a>(
         ));
     }
     Ok(html! {
-        (figure(&format!("Figure 24: where the piston should be, {course}."), &motion))
+        (figure(&format!("Figure 24: reference position of the piston, {course}."), &motion))
         @for (title, a, b, said) in &panels {
             h3 { (title) ", " (plant) ", " (course) }
-            (figure("(a) Where the piston is, as its sensor reads it, and where it should be.", a))
-            (figure(&format!("(b) How far the piston is off: {said}."), b))
+            (figure("(a) Measured and reference position of the piston.", a))
+            (figure(&format!("(b) Tracking error of the piston: {said}."), b))
         }
     })
 }
@@ -143,10 +143,10 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     };
     let body = html! {
         p.soft {
-            "Simulated: the model steers, the " (tests.plant) " follows, and is seen through its sensors. "
+            "Simulated: the controllers know the model, the plant is the " (tests.plant) " with its sensors. "
             @if tests.is_papers_crane { "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. " }
             @else { "Nothing here is a measurement. " }
-            "The scheduled LQR looks 0.4 s along the path; the published strategies are told no more than where it is."
+            "The scheduled LQR has a preview of 0.4 s of the reference; the published strategies have none."
             @if let Some(remark) = tests.remark { " " strong { (remark) } "." }
         }
         @for (course, table, figures) in &sections {

@@ -76,14 +76,12 @@ fn error(outcome: &Outcome, mm: f64) -> Option<f64> {
 
 /// Figures of each trial: axis, caption, quantity.
 const FIGURES: [(&str, &str, Drawn); 2] = [
-    (
-        "RMS true [mm]",
-        "How closely the reference was followed; who was in sustained oscillation is left out.",
-        |o| error(o, o.error.rms_true_mm),
-    ),
+    ("RMS true [mm]", "Tracking error; strategies in sustained oscillation are left out.", |o| {
+        error(o, o.error.rms_true_mm)
+    }),
     (
         "RMS of the tip's vibration at rest [mm]",
-        "What was left of the tip's vibration while the reference rested.",
+        "Residual vibration of the tip while the reference was at rest.",
         |o| o.stable.then_some(o.effort.residual_vibration_mm),
     ),
 ];

@@ -1,10 +1,9 @@
 //! The mass matrix solved in time proportional to the number of segments.
 //!
-//! M(phi) of equation (26) is full, but the boom is a chain: seen from one joint, everything
-//! beyond it answers an acceleration `a` of that joint and an angular acceleration of the inner
-//! segment with a force that is linear in both. Eliminating the segments from tip to bearing
-//! leaves one equation at the bearing; going back out gives all accelerations. Its cost grows
-//! linearly, where forming and factoring M grows with the cube.
+//! M(phi) of equation (26) is full, but the boom is a chain. Everything beyond a joint acts on it with a
+//! force that is linear in the joint's acceleration `a` and in the inner segment's angular acceleration.
+//! Eliminating the segments from tip to bearing leaves one equation at the bearing; going back out gives
+//! all accelerations. Its cost grows linearly, where forming and factoring M grows with the cube.
 //!
 //! Each joint may carry an impedance κ that resists the *difference* of its neighbours' angular
 //! accelerations. An implicit time step needs it, `κ = γh b_C + (γh)² k_C`, to treat the stiff

@@ -93,12 +93,11 @@ impl core::error::Error for LayoutError {}
 impl<T: Real, const N: usize> Boom<T, N> {
     /// Divides a beam into segments whose lengths are in proportion to `shares`.
     ///
-    /// Joints follow `k_C = E I/L_seg` and `b_C = ζ √(4 J_seg k_C)`, with `(L_i + L_{i+1})/2` for
-    /// L_seg and for J_seg the mean of both neighbours' moments of inertia about their own inner
-    /// joint (the paper does not say about which point; ours), without payload. The payload
-    /// belongs to the last segment. The mount belongs to the segment at `mount_share`, its place
-    /// along the boom as a fraction of the length: which segment that is is structure, not a
-    /// number that can be differentiated.
+    /// Joints follow `k_C = E I/L_seg` and `b_C = ζ √(4 J_seg k_C)`, with `(L_i + L_{i+1})/2` for L_seg.
+    /// J_seg is the mean of both neighbours' moments of inertia about their own inner joint, without
+    /// payload (the paper states no point; ours). The payload belongs to the last segment. The mount
+    /// belongs to the segment at `mount_share`, its place along the boom as a fraction of the length. The
+    /// index of that segment is structure, not a number that can be differentiated.
     ///
     /// # Errors
     ///

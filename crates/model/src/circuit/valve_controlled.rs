@@ -118,8 +118,8 @@ impl<T: Real> SpoolValve<T> {
 }
 
 record! {
-    /// A hose between valve and cylinder. It belongs to its chamber's node: the flow's pressure drop along it is
-    /// below a tenth of a bar, and its own waves are above 100 Hz for hoses of a few metres.
+    /// A hose between valve and cylinder. It belongs to its chamber's node. For hoses of a few metres the
+    /// pressure drop along it is below a tenth of a bar, and its natural frequencies are above 100 Hz.
     pub struct Hose<T> {
         /// Oil in it
         #[unit = "m³"]

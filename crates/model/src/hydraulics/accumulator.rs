@@ -9,9 +9,9 @@ record! {
     /// V_a = V_g + V_f,   (p_acc + p_atm) V_g^γ = const                          (A14, A15)
     /// ```
     ///
-    /// Only the gas law adds the atmosphere. When the oil is used up, the bladder rests on the
-    /// shell's valve and keeps its gas at the closing pressure, while the residual oil behaves
-    /// like any other volume; it lifts off again at the same pressure.
+    /// Only the gas law adds the atmosphere. When the oil is used up, the bladder rests on the shell's
+    /// valve and keeps its gas at the closing pressure. The residual oil behaves like any other volume. The
+    /// bladder lifts off again at the same pressure.
     pub struct Accumulator<T> {
         /// Volume of the shell, V_a
         #[unit = "m³"]

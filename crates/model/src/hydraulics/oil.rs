@@ -13,10 +13,10 @@ record! {
     ///
     /// # Cavities
     ///
-    /// A node's *pressure coordinate* q is integrated like a pressure. Above the vapour pressure
-    /// p_v it is the pressure. Below, the pressure stays at p_v and the coordinate counts the
-    /// cavity instead, `V_cav = V (p_v − q)/β(p_v)`: oil drawn out of a node that has none opens
-    /// a cavity, oil flowing back closes it, and none is lost.
+    /// A node's *pressure coordinate* q is integrated like a pressure. Above the vapour pressure p_v it is
+    /// the pressure. Below, the pressure stays at p_v and the coordinate counts the cavity instead, `V_cav
+    /// = V (p_v − q)/β(p_v)`. Oil drawn out of a node at p_v opens a cavity, oil flowing back closes it,
+    /// and none is lost.
     pub struct Oil<T> {
         /// Bulk modulus at high pressure, β_max
         #[unit = "Pa"]

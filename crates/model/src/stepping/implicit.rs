@@ -8,22 +8,20 @@
 //! Y2 = u + (1 − γ)h f(Y1) + γh f(Y2),   u ← Y2,   γ = 1 − 1/√2
 //! ```
 //!
-//! Each stage takes at most three Newton iterations, and two where that is enough. One linear solution, as in a Rosenbrock
-//! method, was tried and is not enough: the load-holding valves open over 0.2 bar beyond a dead
-//! band that the pump crosses within half a millisecond. A step that jumps over that ramp
-//! linearises on its wrong side and chatters; a second look from where it landed does not.
+//! Each stage takes at most three Newton iterations, and two where that is enough. One linear solution, as
+//! in a Rosenbrock method, is not enough. The load-holding valves open over 0.2 bar beyond a dead band that
+//! the pump crosses within half a millisecond. A step that jumps over that ramp linearises on its wrong
+//! side and chatters; a second look from where it landed does not.
 //!
-//! Newton's matrix holds what is stiff, exactly: the circuit's and the friction's derivatives by
-//! pressures, bristle and piston (dual numbers); the joints' springs and dampers; and the cylinder
-//! force between both. It leaves out gravity, centripetal terms, the turning of the boom within a
-//! step and the gas volume's column, which are slow: that costs convergence a little, the solution
-//! nothing.
+//! Newton's matrix has the stiff terms exactly. They are the circuit's and the friction's derivatives by
+//! pressures, bristle and piston (dual numbers), the joints' springs and dampers, and the cylinder force
+//! between both. It leaves out gravity, centripetal terms, the turning of the boom within a step and the
+//! gas volume's column, which are slow: that costs convergence a little, the solution nothing.
 //!
-//! Structure keeps the cost linear in the segments. The joints turn the mass matrix M into
-//! `S = M + γh b + (γh)² k`, which is [factored](crate::boom::Articulated) joint by joint. The
-//! circuit sees the boom only through the piston, the boom sees the circuit only through the
-//! cylinder force along `arm`; so the boom is eliminated,
-//! `Δv = arm·S⁻¹ rhs + (arm·S⁻¹ arm) γh ΔF`, and what is left is a system of seven unknowns: five
+//! Structure keeps the cost linear in the segments. The joints turn the mass matrix M into `S = M + γh b +
+//! (γh)² k`, which is [factored](crate::boom::Articulated) joint by joint. The boom acts on the circuit
+//! through the piston alone, the circuit on the boom through the cylinder force along `arm`. So the boom is
+//! eliminated, `Δv = arm·S⁻¹ rhs + (arm·S⁻¹ arm) γh ΔF`. The remaining system has seven unknowns: five
 //! pressures, bristle, piston velocity. A circuit with fewer nodes leaves some of them at rest.
 
 use crate::boom::{Articulated, Boom};
@@ -38,13 +36,13 @@ pub(super) const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
 
 /// Newton iterations of each stage, at most.
 const ITERATIONS: usize = 3;
-/// A stage is left alone once an iteration changed no pressure by more than this \[Pa\]: the next one
-/// would change it by a thousandth of that, and the scheme's own error is larger by far.
+/// A stage has converged once an iteration changes no pressure by more than this \[Pa\]. The next one would
+/// change it by a thousandth of that, far less than the scheme's own error.
 const SETTLED: f64 = 1.0;
 
-/// An implicit step whose last iteration still changed a pressure by more than this \[Pa\] has not
-/// settled: 0.01 bar. It happens where steps are far too long for an event, an end stop struck at
-/// full speed, say; over a motion at 0.5 ms the largest change is 10 Pa, the usual one 1e-9 Pa.
+/// An implicit step whose last iteration still changed a pressure by more than this \[Pa\] has not settled:
+/// 0.01 bar. It happens where steps are far too long for an event, such as an end stop struck at full
+/// speed. Over a motion at 0.5 ms the largest change is 10 Pa, the usual one 1e-9 Pa.
 const UNSETTLED: f64 = 1e3;
 /// Parts that a step which does not settle is divided into at most.
 pub const MOST_PARTS: u32 = 256;

@@ -75,9 +75,8 @@ impl StepLimit {
 impl<const N: usize> Crane<f64, N> {
     /// The step limit of the published scheme around a state.
     ///
-    /// The fastest mode comes from a power iteration with the oil at its stiffest; the chatter
-    /// from the limit cycle of forward Euler across a square root, of amplitude `(h c K/2)²` with
-    /// `c = β (1/V_1 + 1/V_2)`.
+    /// The fastest mode comes from a power iteration with the oil at its stiffest. The chatter is the limit
+    /// cycle of forward Euler across a square root, of amplitude `(h c K/2)²` with `c = β (1/V_1 + 1/V_2)`.
     pub fn step_limit(&self, state: &CraneState<f64, N>) -> StepLimit {
         let boom = &self.boom;
         let (segments, n) = (boom.len(), boom.coordinates());

@@ -12,10 +12,10 @@ use hydroboom_math::Real;
 /// φ ← φ + φ̇ dt + φ̈ dt²/2, with the new φ̇                                            (32)
 /// ```
 ///
-/// Order within one step: every right-hand side is evaluated at the old state. Piston position,
-/// velocity and pressures that the flows see, and the pressures and friction in the cylinder force
-/// that the boom sees, are those of the step's beginning; then all states move at once. (Blocks
-/// that split circuit and boom reproduce this by exchanging x, v and F once a step.)
+/// Order within one step: every right-hand side is evaluated at the old state. Flows are computed with
+/// piston position, velocity and pressures of the step's beginning. So is the cylinder force on the boom,
+/// with pressures and friction of the step's beginning. Then all states move at once. (Blocks that split
+/// circuit and boom reproduce this by exchanging x, v and F once a step.)
 ///
 /// First order. Stable only below [`StepLimit`](super::StepLimit); damps a mode of angular
 /// frequency ω by ω dt/4 on its own.

@@ -1,9 +1,9 @@
 //! The implicit step over numbers with slopes: plain numbers are solved for, slopes follow.
 //!
-//! What Newton's method solves, `r(y, θ) = 0`, has the slope `y' = −(∂r/∂y)⁻¹ ∂r/∂θ`. So one evaluation of the residual
-//! over numbers with slopes, at the solution, and one plain matrix are enough, for any number of directions: the matrix need
-//! not have slopes itself, because what it is multiplied by vanishes there. It leaves out what [`Implicit`] leaves out; the
-//! slopes of the step before make up for that, as an iterate does.
+//! What Newton's method solves, `r(y, θ) = 0`, has the slope `y' = −(∂r/∂y)⁻¹ ∂r/∂θ`. So one evaluation of
+//! the residual over numbers with slopes, at the solution, and one plain matrix are enough, for any number
+//! of directions. The matrix needs no slopes: its factor, the residual, vanishes there. It leaves out what
+//! [`Implicit`] leaves out; the slopes of the step before make up for that, as an iterate does.
 
 use super::implicit::{BRISTLE, Eliminated, GAMMA, Implicit, PISTON, UNKNOWNS, beyond};
 use crate::boom::BoomState;

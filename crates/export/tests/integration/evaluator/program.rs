@@ -59,9 +59,9 @@ enum Value {
 }
 
 impl Memory {
-    /// Rounds a number to the memory's precision. Rounding the double result of a sum, product, quotient or root once
-    /// more gives the single-precision result: 53 bits are more than 2 x 24 + 2 (Figueroa, When is double rounding
-    /// innocuous?).
+    /// Rounds a number to the memory's precision. Rounding the double result of a sum, product, quotient or
+    /// root to single precision gives the single-precision result. 53 bits are more than 2 x 24 + 2
+    /// (Figueroa, When is double rounding innocuous?).
     pub fn held(&self, number: f64) -> f64 {
         if self.is_single { f64::from(number as f32) } else { number }
     }
