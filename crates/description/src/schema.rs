@@ -440,6 +440,55 @@ motion_and_equipment {
 }
 }
 
+/// One key whose value is a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChoiceKey {
+    /// `section.name`.
+    pub path: &'static str,
+    /// Name that applies if a file leaves the key out; `None` for a required key.
+    pub absent: Option<&'static str>,
+    /// Meaning.
+    pub meaning: &'static str,
+    /// Allowed names, each with its meaning.
+    pub names: &'static [(&'static str, &'static str)],
+}
+
+/// One key that is neither a number with a unit nor a choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OtherKey {
+    /// `section.name`.
+    pub path: &'static str,
+    /// Allowed values, in words.
+    pub allowed: &'static str,
+    /// What applies if a file leaves the key out; `None` for a required key.
+    pub absent: Option<&'static str>,
+    /// Meaning.
+    pub meaning: &'static str,
+}
+
+/// Every key that is neither a number with a unit nor a choice.
+pub const OTHER_KEYS: [OtherKey; 4] = [
+    OtherKey { path: "crane.name", allowed: "text", absent: None, meaning: "Name of the machine" },
+    OtherKey {
+        path: "boom.segments",
+        allowed: "whole number",
+        absent: Some("number of lengths in `boom.segment_lengths_mm`"),
+        meaning: "Number of equal segments of a beam, 1 to 50 (3: real-time model, 10: high-fidelity model), or of links, 1 to 3",
+    },
+    OtherKey {
+        path: "boom.segment_lengths_mm",
+        allowed: "list of lengths",
+        absent: Some("equal segments"),
+        meaning: "Lengths of a beam's segments, from the bearing to the tip; only their proportions count",
+    },
+    OtherKey {
+        path: "machine.ethercat",
+        allowed: "table",
+        absent: Some("none"),
+        meaning: "Devices on the machine's EtherCAT bus, as in [EtherCAT table](ethercat-table.md)",
+    },
+];
+
 macro_rules! choices {
     ($( $(#[doc = $meaning:literal])* $field:ident: $Name:ident = $path:literal $(or $absent:ident)? {
         $( $(#[doc = $doc:literal])* $Variant:ident = $text:literal, )+
@@ -461,7 +510,7 @@ macro_rules! choices {
                 }
 
                 /// Name in a file.
-                pub fn name(self) -> &'static str {
+                pub const fn name(self) -> &'static str {
                     match self { $( Self::$Variant => $text, )+ }
                 }
             }
@@ -476,6 +525,13 @@ macro_rules! choices {
         impl Choices {
             /// `section.name` of every choice.
             pub const PATHS: [&'static str; [$($path),+].len()] = [$($path),+];
+            /// Every choice with its meaning.
+            pub const KEYS: [ChoiceKey; Self::PATHS.len()] = [$( ChoiceKey {
+                path: $path,
+                absent: choices!(@name $Name $(, $absent)?),
+                meaning: concat!($($meaning),*).trim_ascii(),
+                names: &[$( ($text, concat!($($doc),*).trim_ascii()) ),+],
+            } ),+];
 
             /// Allowed names of a choice; `None` for an unknown choice.
             pub fn allowed(path: &str) -> Option<&'static [&'static str]> {
@@ -518,6 +574,8 @@ macro_rules! choices {
         }
     }};
     (@absent $missing:ident, $Name:ident, $path:literal, $absent:ident) => { $Name::$absent };
+    (@name $Name:ident) => { None };
+    (@name $Name:ident, $absent:ident) => { Some($Name::$absent.name()) };
 }
 
 choices! {
