@@ -5,6 +5,7 @@
 mod bounds;
 mod commands;
 mod dashboard;
+mod documents;
 mod export;
 mod files_out;
 mod local_machine;
