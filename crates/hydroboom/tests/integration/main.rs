@@ -8,6 +8,7 @@ mod dashboard;
 mod documents;
 mod export;
 mod files_out;
+mod json_schemas;
 mod local_machine;
 mod readings;
 mod round_trips;
