@@ -13,7 +13,7 @@
 //! ranges of all keys, with default spreads for keys without one.
 //!
 //! [`Description::parse`] reads and checks a file, [`Description::set`] overrides single keys, and
-//! [`Description::crane`] builds the model. The keys are listed once, in [`schema`].
+//! [`Description::crane`] builds the model. The keys are listed once, in [`schema`], and their tables in [`section`].
 
 // models are also built in the control cycle, which must not panic
 #![deny(clippy::disallowed_methods)]
@@ -31,6 +31,7 @@ mod parse;
 mod placeholder;
 mod range;
 pub mod schema;
+pub mod section;
 mod spread;
 mod suggestion;
 

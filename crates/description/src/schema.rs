@@ -417,3 +417,268 @@ motion_and_equipment {
     release_time: "supervision" "release_s" ["s" = 1.0] 1.0..=600.0 or 30.0, "Largest duration of a release";
 }
 }
+
+/// One key whose value is a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChoiceKey {
+    /// `section.name`.
+    pub path: &'static str,
+    /// Name that applies if a file leaves the key out; `None` for a required key.
+    pub absent: Option<&'static str>,
+    /// Meaning.
+    pub meaning: &'static str,
+    /// Allowed names, each with its meaning.
+    pub names: &'static [(&'static str, &'static str)],
+}
+
+/// One key that is neither a number with a unit nor a choice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OtherKey {
+    /// `section.name`.
+    pub path: &'static str,
+    /// Allowed values, in words.
+    pub allowed: &'static str,
+    /// What applies if a file leaves the key out; `None` for a required key.
+    pub absent: Option<&'static str>,
+    /// Meaning.
+    pub meaning: &'static str,
+}
+
+/// Every key that is neither a number with a unit nor a choice.
+pub const OTHER_KEYS: [OtherKey; 4] = [
+    OtherKey { path: "crane.name", allowed: "text", absent: None, meaning: "Name of the machine" },
+    OtherKey {
+        path: "boom.segments",
+        allowed: "whole number",
+        absent: Some("number of lengths in `boom.segment_lengths_mm`"),
+        meaning: "Number of equal segments of a beam, 1 to 50 (3: real-time model, 10: high-fidelity model), or of links, 1 to 3",
+    },
+    OtherKey {
+        path: "boom.segment_lengths_mm",
+        allowed: "list of lengths",
+        absent: Some("equal segments"),
+        meaning: "Lengths of a beam's segments, from the bearing to the tip; only their proportions count",
+    },
+    OtherKey {
+        path: "machine.ethercat",
+        allowed: "table",
+        absent: Some("none"),
+        meaning: "Devices on the machine's EtherCAT bus, as in [EtherCAT table](ethercat-table.md)",
+    },
+];
+
+macro_rules! choices {
+    ($( $(#[doc = $meaning:literal])* $field:ident: $Name:ident = $path:literal $(or $absent:ident)? {
+        $( $(#[doc = $doc:literal])* $Variant:ident = $text:literal, )+
+    } )+) => {
+        $(
+            $(#[doc = $meaning])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            pub enum $Name { $( $(#[doc = $doc])* $Variant, )+ }
+
+            impl $Name {
+                /// `section.name` of the key.
+                pub const PATH: &'static str = $path;
+                /// Allowed names in a file.
+                pub const ALLOWED: &'static [&'static str] = &[$($text),+];
+
+                /// Parses a name.
+                pub fn from_name(name: &str) -> Option<Self> {
+                    match name { $( $text => Some(Self::$Variant), )+ _ => None }
+                }
+
+                /// Name in a file.
+                pub const fn name(self) -> &'static str {
+                    match self { $( Self::$Variant => $text, )+ }
+                }
+            }
+        )+
+
+        /// The choices of a crane file.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Choices {
+            $( #[doc = concat!("`", $path, "`.")] pub $field: $Name, )+
+        }
+
+        impl Choices {
+            /// `section.name` of every choice.
+            pub const PATHS: [&'static str; [$($path),+].len()] = [$($path),+];
+            /// Every choice with its meaning.
+            pub const KEYS: [ChoiceKey; Self::PATHS.len()] = [$( ChoiceKey {
+                path: $path,
+                absent: choices!(@name $Name $(, $absent)?),
+                meaning: concat!($($meaning),*).trim_ascii(),
+                names: &[$( ($text, concat!($($doc),*).trim_ascii()) ),+],
+            } ),+];
+
+            /// Allowed names of a choice; `None` for an unknown choice.
+            pub fn allowed(path: &str) -> Option<&'static [&'static str]> {
+                match path { $( $path => Some($Name::ALLOWED), )+ _ => None }
+            }
+
+            /// Every choice with its name.
+            pub fn list(&self) -> [(&'static str, &'static str); Self::PATHS.len()] {
+                [$( ($path, self.$field.name()) ),+]
+            }
+
+            /// Changes one choice; false for an unknown choice or name.
+            pub(crate) fn set(&mut self, path: &str, name: &str) -> bool {
+                match path {
+                    $( $path => match $Name::from_name(name) {
+                        Some(choice) => { self.$field = choice; true }
+                        None => false,
+                    }, )+
+                    _ => false,
+                }
+            }
+
+            /// Reads the choices of a file. A required choice that is missing gets the first allowed name, and its
+            /// path is returned.
+            pub(crate) fn read<'a>(text: impl Fn(&str) -> Option<&'a str>) -> (Self, Vec<&'static str>) {
+                let mut missing = Vec::new();
+                let choices = Self { $( $field: match text($path).and_then($Name::from_name) {
+                    Some(choice) => choice,
+                    None => choices!(@absent missing, $Name, $path $(, $absent)?),
+                } ),+ };
+                (choices, missing)
+            }
+        }
+    };
+    (@absent $missing:ident, $Name:ident, $path:literal) => {{
+        $missing.push($path);
+        match $Name::from_name($Name::ALLOWED[0]) {
+            Some(first) => first,
+            None => unreachable!("every listed name has its choice"),
+        }
+    }};
+    (@absent $missing:ident, $Name:ident, $path:literal, $absent:ident) => { $Name::$absent };
+    (@name $Name:ident) => { None };
+    (@name $Name:ident, $absent:ident) => { Some($Name::$absent.name()) };
+}
+
+choices! {
+    /// Actuation of the cylinder.
+    circuit: CircuitChoice = "circuit.type" or SelfContained {
+        /// Own pump (electro-hydraulic actuator): the published circuit.
+        SelfContained = "self-contained",
+        /// 4/3 valve with a supply of constant pressure.
+        ValveControlled = "valve-controlled",
+    }
+    /// Model of the boom.
+    structure: StructureChoice = "boom.structure" or Beam {
+        /// A uniform beam, divided into segments: the published boom.
+        Beam = "beam",
+        /// Links, each with its own cross section.
+        Links = "links",
+    }
+    /// Friction law of the cylinder.
+    friction: FrictionChoice = "friction.law" {
+        /// Published law (Stribeck curve).
+        Stribeck = "stribeck",
+        /// LuGre law, with friction at standstill.
+        LuGre = "lugre",
+    }
+    /// Computation of the pump's flow gain k_flow.
+    delivery: DeliveryChoice = "pump.delivery" {
+        /// The constant `pump.flow_gain`.
+        Published = "published",
+        /// Computed from the pressures at every step.
+        Computed = "computed",
+    }
+    /// The shape of the motion's ramps.
+    profile: ProfileChoice = "motion.profile" {
+        /// Linear ramps, as published.
+        Trapezoidal = "trapezoidal",
+        /// Jerk-limited ramps.
+        SCurve = "s-curve",
+    }
+    /// Whether relief valves 13 are modelled.
+    relief: ReliefChoice = "relief.valves" {
+        /// None, as published.
+        None = "none",
+        /// One at each pump side.
+        Fitted = "fitted",
+    }
+    /// Whether load-holding valve 3, while closed, passes oil from the pump to the cylinder.
+    holding_check: HoldingCheckChoice = "holding_valve.check_function" or Check {
+        /// Pilot-operated check valve, as published: it does.
+        Check = "check",
+        /// Valve that blocks both directions.
+        None = "none",
+    }
+    /// Whether the 3/2 switching valve has a position switch.
+    position_switch: PositionSwitchChoice = "switching_valve.position_switch" or None {
+        /// No position switch.
+        None = "none",
+        /// Position switch fitted.
+        Fitted = "fitted",
+    }
+}
+
+/// Sections of self-contained cranes only: pump, valves, drive, and the published tests.
+const OF_SELF_CONTAINED: [&str; 24] = [
+    "pump",
+    "holding_valve",
+    "return_valve",
+    "check_valve",
+    "lines",
+    "relief",
+    "accumulator",
+    "motor",
+    "controller",
+    "estimator",
+    "scheduled_lqr",
+    "learning",
+    "tip",
+    "motion",
+    "start",
+    "oscillation",
+    "drive",
+    "switching_valve",
+    "temperature",
+    "sensors",
+    "fieldbus",
+    "virtual",
+    "supervision",
+    "base",
+];
+/// Sections of valve-controlled cranes only.
+const OF_VALVE_CONTROLLED: [&str; 4] = ["valve", "hoses", "trapped_air", "supply"];
+/// Keys of beam booms only.
+const OF_BEAM: [&str; 5] =
+    ["length_mm", "mass_kg", "youngs_modulus_gpa", "second_moment_cm4", "damping_ratio"];
+/// Sections of the links.
+pub(crate) const LINKS: [&str; 3] = ["link_1", "link_2", "link_3"];
+
+impl Choices {
+    /// The reason why a crane with these choices and this number of segments or links does not have a key; `None` if
+    /// it does.
+    pub fn excludes(&self, section: &str, name: &str, segments: usize) -> Option<&'static str> {
+        let is_valve_controlled = self.circuit == CircuitChoice::ValveControlled;
+        let has_links = self.structure == StructureChoice::Links;
+        if OF_SELF_CONTAINED.contains(&section) && is_valve_controlled
+            || section == "oil" && name.starts_with("air_") && is_valve_controlled
+        {
+            return Some(
+                "it belongs to a self-contained circuit, and circuit.type is valve-controlled",
+            );
+        }
+        if OF_VALVE_CONTROLLED.contains(&section) && !is_valve_controlled {
+            return Some(
+                "it belongs to a valve-controlled circuit, and circuit.type is self-contained",
+            );
+        }
+        if (section == "boom" && OF_BEAM.contains(&name) || section == "tip") && has_links {
+            return Some("it belongs to a beam, and boom.structure is links");
+        }
+        if let Some(link) = LINKS.iter().position(|known| *known == section) {
+            if !has_links {
+                return Some("it belongs to a boom of links, and boom.structure is beam");
+            }
+            if link >= segments {
+                return Some("the boom has fewer links: boom.segments says how many");
+            }
+        }
+        None
+    }
+}

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+mod crane_file_reference;
 mod crane_files;
 mod digest;
 mod mutations;

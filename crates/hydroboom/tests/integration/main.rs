@@ -5,8 +5,10 @@
 mod bounds;
 mod commands;
 mod dashboard;
+mod documents;
 mod export;
 mod files_out;
+mod json_schemas;
 mod local_machine;
 mod readings;
 mod round_trips;

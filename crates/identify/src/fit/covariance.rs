@@ -169,7 +169,6 @@ fn standard_deviation(variance: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
     /// A log determines its key to a thousandth, but integration moves it by a hundredth: the interval
     /// includes the hundredth.
     #[test]

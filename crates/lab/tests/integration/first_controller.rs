@@ -1,9 +1,9 @@
 //! The controller of the tutorial `your-first-controller`.
 
 #[path = "../../examples/first_controller.rs"]
-mod first_controller;
+mod example;
 
-use first_controller::rms_error;
+use example::rms_error;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::simulation::simulate_closed_loop;

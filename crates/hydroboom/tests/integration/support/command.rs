@@ -1,5 +1,6 @@
 //! The program as a user starts it.
 
+use super::json_schema;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
@@ -29,9 +30,11 @@ pub fn says(output: &Output, wanted: &str) {
     assert!(said.contains(wanted), "{said}");
 }
 
-/// Printed JSON.
+/// Printed JSON, which is that of the command's schema.
 pub fn parsed(arguments: &[&str]) -> serde_json::Value {
-    serde_json::from_slice(&hydroboom(arguments).stdout).unwrap()
+    let printed = serde_json::from_slice(&hydroboom(arguments).stdout).unwrap();
+    json_schema::check(arguments, &printed);
+    printed
 }
 
 /// Checks that a JSON object has these keys.
