@@ -1,5 +1,18 @@
 //! Choices of a crane file: keys whose values are names.
 
+/// One key whose value is a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChoiceKey {
+    /// `section.name`.
+    pub path: &'static str,
+    /// Name that applies if a file leaves the key out; `None` for a required key.
+    pub absent: Option<&'static str>,
+    /// Meaning.
+    pub meaning: &'static str,
+    /// Allowed names, each with its meaning.
+    pub names: &'static [(&'static str, &'static str)],
+}
+
 macro_rules! choices {
     ($( $(#[doc = $meaning:literal])* $field:ident: $Name:ident = $path:literal $(or $absent:ident)? {
         $( $(#[doc = $doc:literal])* $Variant:ident = $text:literal, )+
@@ -21,7 +34,7 @@ macro_rules! choices {
                 }
 
                 /// Name in a file.
-                pub fn name(self) -> &'static str {
+                pub const fn name(self) -> &'static str {
                     match self { $( Self::$Variant => $text, )+ }
                 }
             }
@@ -36,6 +49,13 @@ macro_rules! choices {
         impl Choices {
             /// `section.name` of every choice.
             pub const PATHS: [&'static str; [$($path),+].len()] = [$($path),+];
+            /// Every choice with its meaning.
+            pub const KEYS: [ChoiceKey; Self::PATHS.len()] = [$( ChoiceKey {
+                path: $path,
+                absent: choices!(@name $Name $(, $absent)?),
+                meaning: concat!($($meaning),*).trim_ascii(),
+                names: &[$( ($text, concat!($($doc),*).trim_ascii()) ),+],
+            } ),+];
 
             /// Allowed names of a choice; `None` for an unknown choice.
             pub fn allowed(path: &str) -> Option<&'static [&'static str]> {
@@ -78,6 +98,8 @@ macro_rules! choices {
         }
     }};
     (@absent $missing:ident, $Name:ident, $path:literal, $absent:ident) => { $Name::$absent };
+    (@name $Name:ident) => { None };
+    (@name $Name:ident, $absent:ident) => { Some($Name::$absent.name()) };
 }
 
 choices! {

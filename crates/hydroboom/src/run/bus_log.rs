@@ -91,7 +91,10 @@ fn message(table: &Table, cycle: &CycleRecord, time: f64) -> Map<String, Value> 
     put("statusword", drives().map(|(name, [word, _])| (name, json!(word))).collect());
     put("error_code", drives().map(|(name, [_, code])| (name, json!(code))).collect());
     let images = || cycle.image.devices(table);
-    put("outputs", images().map(|(name, bytes, _)| (name.to_string(), json!(hex(bytes)))).collect());
+    put(
+        "outputs",
+        images().map(|(name, bytes, _)| (name.to_string(), json!(hex(bytes)))).collect(),
+    );
     put("inputs", images().map(|(name, _, bytes)| (name.to_string(), json!(hex(bytes)))).collect());
     if let Some(Fault::StateDropped { code, .. }) = cycle.fault {
         put("al_status_code", json!(code));
