@@ -1,4 +1,4 @@
-//! What the servo motor can do.
+//! Speed and slew limits of the servo motor.
 
 use hydroboom_math::Real;
 

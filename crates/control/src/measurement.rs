@@ -85,7 +85,7 @@ impl AxisMeasurement {
         Self { signals: AxisSignals::from_array(values), validity }
     }
 
-    /// With what is outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
+    /// With values outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
     #[must_use]
     pub fn within(mut self, ranges: &AxisSignals<(f64, f64)>) -> Self {
         let (values, ranges) = (self.signals.to_array(), ranges.to_array());
@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(measured.validity.stroke, Validity::OutOfRange);
         assert_eq!(measured.validity.pressure_a, Validity::Absent);
         assert_eq!(measured.validity.motor_speed, Validity::Good);
-        // a machine that calls a value out of range is believed, and what is stale keeps its value
+        // a value that the machine marks as out of range stays so, and a stale one keeps its value
         let reported = AxisMeasurement::reported(signals, measured.validity);
         assert!(reported.signals.stroke.is_nan() && reported.signals.pressure_a.is_nan());
         let old = AxisMeasurement::reported(signals, measured.stale().validity).signals;

@@ -1,13 +1,14 @@
-//! Error covariance of the filter's estimates, with what the filter takes for exact.
+//! Error covariance of the filter's estimates, with the parameters that the filter assumes to be exact.
 //!
-//! The filter's own covariance P gives its gain K; it takes the parameters of the reduced model for exact, and a load for one that hardly changes. The error
-//! covariance takes K as given, and follows the errors e of the states together with those of consider parameters c, which are constant and never estimated:
+//! The filter's own covariance P gives its gain K. It assumes exact parameters of the reduced model, and a
+//! load that hardly changes. The error covariance takes K as given, and follows the errors e of the states
+//! together with those of consider parameters c, which are constant and never estimated:
 //!
 //! ```text
 //! e⁻ = F e + G c + w,   e = e⁻ − K (H e⁻ + H_c c + v)
 //! ```
 //!
-//! It is what is reported. It changes no estimate.
+//! The estimator reports this covariance. It changes no estimate.
 //!
 //! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (consider parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
 //! 1974, chapter 7 (covariance of a filter whose gain is given).
@@ -60,7 +61,8 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
     }
 }
 
-/// Model and state with the states and the consider parameters as variables: what is computed of them has its slopes.
+/// Model and state with the states and the consider parameters as variables: results have derivatives by
+/// these.
 pub fn as_variables<T: Real>(
     model: &ReducedModel<T>,
     estimate: &MachineState<T>,

@@ -193,7 +193,8 @@ impl<T: Real> ReducedModel<T> {
         share.clamp(T::zero(), T::one()) * self.maximum_payload
     }
 
-    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\], `rod_side_term` \[Pa\] being what the piston side has beyond the load pressure, (A_r/A_p) p_B.
+    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\].
+    /// `rod_side_term` \[Pa\] is the piston-side pressure less the load pressure, (A_r/A_p) p_B.
     #[inline(always)]
     pub fn bulk_modulus(&self, load_pressure: T, transition: T, rod_side_term: T) -> T {
         Oil { transition_pressure: transition, ..self.oil }

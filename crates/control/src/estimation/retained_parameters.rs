@@ -1,7 +1,9 @@
-//! Parameters that a state estimator keeps from one start to the next, with their covariance: what the machine is, not what it does.
+//! Parameters that a state estimator keeps from one start to the next, with their covariance. They are
+//! properties of the machine, not of its motion.
 //!
-//! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane file's) and the drive's lag are properties of machine and oil.
-//! Payload, unknown force and friction of the moment begin anew: their spread is that of any start.
+//! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane
+//! file's) and the drive's lag are properties of machine and oil. Payload, unknown force and present
+//! friction are initialised as at any start.
 
 use super::error_covariance::Covariance;
 use super::reduced_model::state_index::{TRANSITION_PRESSURE as TRANSITION, UNKNOWN_FLOW as FLOW};
@@ -93,7 +95,7 @@ impl<T: Real> StateEstimator<T> {
             (TRANSITION, FLOW, both),
             (TRANSITION, TRANSITION, transition),
         ];
-        // nothing is known of what the new errors share with the others
+        // the correlation of the new errors with the others is unknown
         clear_shared(&mut state.filter.covariance, restores);
         clear_shared(&mut state.filter.errors, restores);
         for (i, j, value) in block {

@@ -131,7 +131,7 @@ pub struct TipEstimator<T> {
     pub parameters: TipParameters<T>,
     /// Their covariance.
     pub covariance: Covariance<T, PARAMETERS>,
-    /// Standard deviation, across the boom, of what the model leaves out \[m\].
+    /// Standard deviation of the model's error across the boom \[m\].
     pub remainder: T,
     /// Time constant of the payload's mean, τ \[s\].
     pub payload_memory: T,
@@ -226,9 +226,9 @@ impl<T: Real> TipEstimator<T> {
         let is_same_load = filter.innovation_test.is_consistent(state.mean_nis);
         let kept = (T::one() - filter.period / self.payload_memory).max(T::zero());
         let before = T::select(is_same_load, memory.weight * kept, T::zero());
-        // what is no number any more begins anew
+        // a value that is not a number is initialised again
         let before = T::select(before.is_finite(), before, T::zero());
-        // a gram: what is known exactly still has a finite weight
+        // a gram: an exactly known payload still has a finite weight
         let variance = state.errors[PAYLOAD][PAYLOAD].max(T::lit(1e-6));
         let new = filter.period / variance;
         let payload = state.estimate.payload;

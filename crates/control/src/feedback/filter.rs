@@ -8,7 +8,7 @@ use hydroboom_math::{Real, record};
 /// `x ← a x + (1 − a) u`, `a = exp(−T/τ)`; the output is `u − x`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HighPass<T> {
-    /// What the low-pass keeps over one period, a.
+    /// Coefficient of the low-pass over one period, a.
     keep: T,
 }
 
@@ -69,7 +69,7 @@ impl<T: Real> Notch<T> {
         }
     }
 
-    /// Memory with which a steady input passes as it is.
+    /// State in which a constant input passes unchanged.
     #[inline(always)]
     pub fn steady(&self, input: T) -> NotchMemory<T> {
         let after = (self.before - self.fed_back) * input;

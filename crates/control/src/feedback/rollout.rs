@@ -105,7 +105,7 @@ pub struct Policy<T> {
     pub decay: T,
 }
 
-/// What the rollout carries from period to period.
+/// State of the rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RolloutState<T> {
     /// Period of the decision under way, from 0.
@@ -181,7 +181,8 @@ impl<T: Real> RolloutState<T> {
 }
 
 impl<T: Real> Rollout<T> {
-    /// A control period, in which the machine is at `now` when the command arrives and the reference `offset` \[m\] from what is asked.
+    /// A control period, in which the machine is at `now` when the command arrives and the reference
+    /// `offset` \[m\] from the commanded one.
     ///
     /// `needed`: feedback saturates, or the reference has been moved. `ahead` is state, motor speed \[rev/s\] and piston position \[m\] of the reference so long \[s\] after that time.
     pub fn update(

@@ -30,7 +30,7 @@ pub struct ScheduledLqrController {
     state: Option<ScheduledLqrState<f64>>,
     /// Number of the measurement that was observed last.
     observed: Option<u64>,
-    /// The last good position \[m\] and load pressure \[Pa\], and what the piston side has beyond it.
+    /// The last valid position \[m\], load pressure \[Pa\] and rod-side term \[Pa\].
     last: [f64; 3],
     /// Motor speed that was commanded last \[rev/s\].
     command: f64,
@@ -53,14 +53,15 @@ impl ScheduledLqrController {
         }
     }
 
-    /// The same with a fieldbus that delays measurements and commands by so many cycles each.
+    /// The same with a fieldbus that delays measurements and commands by a number of cycles each.
     #[must_use]
     pub fn with_delay(mut self, delay_cycles: u32) -> Self {
         self.set_delays(delay_cycles as usize, delay_cycles as usize);
         self
     }
 
-    /// From now on measurements and commands are late by so many cycles. To be called while the load is held, where no command is on its way.
+    /// Sets the delays of measurements and commands in cycles. To be called while the load is held, with no
+    /// command in transit.
     pub fn set_delays(&mut self, measurement: usize, command: usize) {
         self.estimator = self.estimator.with_delays(measurement, command);
     }
@@ -166,7 +167,7 @@ impl ScheduledLqrController {
         }
     }
 
-    /// What the estimator takes of a measurement.
+    /// Estimator input from a measurement.
     fn input(&mut self, axis: &AxisMeasurement, is_new: bool) -> EstimatorInput<f64> {
         let (signals, validity) = (&axis.signals, &axis.validity);
         let good = |of: Validity| is_new && of == Validity::Good;

@@ -34,12 +34,12 @@ impl InputShaper {
         Self { impulses }
     }
 
-    /// Time of the last impulse \[s\]: by so much later a shaped trajectory ends.
+    /// Time of the last impulse \[s\]: delay of the shaped trajectory's end.
     pub fn delay(&self) -> f64 {
         self.impulses.iter().fold(0.0, |latest, (_, later)| latest.max(*later))
     }
 
-    /// Mean time of the impulses \[s\], `Σ A_i t_i`: by so much a shaped ramp is late.
+    /// Mean time of the impulses \[s\], `Σ A_i t_i`: delay of a shaped ramp.
     pub fn mean_delay(&self) -> f64 {
         self.impulses.iter().map(|(share, later)| share * later).sum()
     }
@@ -74,13 +74,13 @@ impl<P: Trajectory> ShapedTrajectory<P> {
         Self { trajectory, shaper: InputShaper::zvd(frequency, damping) }
     }
 
-    /// By how much later than the trajectory it ends \[s\].
+    /// Delay of its end after that of the trajectory \[s\].
     pub fn delay(&self) -> f64 {
         self.shaper.delay()
     }
 }
 
-/// Half a period \[s\] of a mode, and what is left of it by then.
+/// Half a period \[s\] of a mode, and its relative amplitude after it.
 fn mode(frequency: f64, damping: f64) -> (f64, f64) {
     let root = Real::sqrt(1.0 - damping * damping);
     (0.5 / (frequency * root), Real::exp(-core::f64::consts::PI * damping / root))
