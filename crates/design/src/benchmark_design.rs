@@ -58,10 +58,12 @@ const LEAST_DAMPING: f64 = 0.5;
 const FEEDBACKS: u32 = 22;
 const HIGH_PASSES: u32 = 10;
 const PROPORTIONALS: u32 = 41;
-/// Decades of pressure feedback, from the lowest on, counted from the feedback that damps the load mode as much as it is damped by itself.
+/// Decades of pressure feedback, from the lowest on, relative to the feedback that doubles the damping of
+/// the load mode.
 const FEEDBACK_DECADES: f64 = 3.5;
 const LOWEST_FEEDBACK_DECADE: f64 = -0.5;
-/// Decades of the proportional gain, below the largest: so many times the slowest load mode's angular frequency, beyond which no proportional loop around it is stable.
+/// Decades of the proportional gain, below the largest. This is a multiple of the slowest load mode's
+/// angular frequency, beyond which no proportional loop around it is stable.
 const PROPORTIONAL_DECADES: f64 = 2.5;
 const LARGEST_PROPORTIONAL: f64 = 5.0;
 /// Halvings of the interval of an integral gain.
@@ -115,7 +117,7 @@ impl Gains {
         ]
     }
 
-    /// With so many digits as a crane file is written with.
+    /// Rounded to the digits of a crane file.
     fn rounded(&self) -> Self {
         let four = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
         Self {
@@ -302,7 +304,8 @@ pub fn worst_margins(
 
 /// The least margins over payloads between two \[kg\] and the stroke, and the frequency \[Hz\] at which the sensitivity is largest.
 ///
-/// At each position over payloads, halved where the sensitivity is large and changes; then at the worst payload over positions, and there over payloads once more.
+/// At each position over payloads, halved where the sensitivity is large and changes; then at the worst
+/// payload over positions, and there again over payloads.
 fn worst(description: &Description, payload: [f64; 2]) -> Result<(WorstMargins, f64), DesignError> {
     let mut judged = Judged {
         description,
@@ -370,7 +373,7 @@ impl Judged<'_> {
         let step = LEAST_STEP * (high - low);
         let all = (1..count).map(|k| low + (high - low) * f64::from(k) / f64::from(count - 1));
         for to in all {
-            // what is to be reached, nearest last
+            // limits to be reached, nearest last
             let mut ahead = vec![(to, self.at(place(to))?)];
             while let (Some(last), Some(next)) = (points.last().copied(), ahead.pop()) {
                 let (least, most) = (last.1.min(next.1), last.1.max(next.1));
@@ -421,7 +424,8 @@ impl Search {
         cases: Vec<Case>,
         distance: f64,
     ) -> Result<Self, DesignError> {
-        // angular frequency of the slowest load mode [rad/s], and pressure feedback that damps one as much as it is damped by itself [m³/(s Pa)]
+        // angular frequency of the slowest load mode [rad/s], and pressure feedback that doubles its
+        // damping [m³/(s Pa)]
         let mut slowest = f64::INFINITY;
         let mut unit: f64 = f64::INFINITY;
         for case in &cases {

@@ -15,7 +15,7 @@ use serde::Serialize;
 pub struct DesignReport {
     /// Piston position.
     pub stroke_mm: f64,
-    /// The mode in which boom and load ring on the oil; none where it is so damped that it does not oscillate.
+    /// The mode in which boom and load oscillate on the oil; none where it is overdamped.
     pub load_mode: Option<Mode>,
     /// Of the benchmark's loop.
     pub benchmark: Margins,
@@ -49,7 +49,8 @@ pub fn scheduled_lqr_loop(description: &Description, stroke: f64) -> Result<Loop
     Ok(scheduled_lqr_loop_at(description, &design, stroke, description.numbers.payload))
 }
 
-/// The same for estimator and law [`designed`] for the description, settled at rest with a payload \[kg\] that the estimator has weighed.
+/// The same for estimator and law [`designed`] for the description, settled at rest with an estimated
+/// payload \[kg\].
 ///
 /// Its friction slides, as that of its crane: friction that sticks is a spring to the estimator. With a
 /// crane that slides the loop would then be unstable.

@@ -173,7 +173,7 @@ mod tests {
         assert!((both / exact - 1.0).abs() < 0.02, "{both} Hz for {exact} Hz");
     }
 
-    /// So much viscous friction that the load does not oscillate on its oil: mass and spring are what they are without.
+    /// With viscous friction that overdamps the load mode, mass and spring are those without friction.
     #[test]
     fn an_overdamped_load_has_a_spring_too() {
         let mut crane = Description::uia_single_boom().unwrap();

@@ -15,7 +15,8 @@ use hydroboom_description::Description;
 use hydroboom_math::Real;
 use std::f64::consts::TAU;
 
-/// The state estimator of the crane of a description, for measurements and commands that are late by so many cycles each.
+/// The state estimator of the crane of a description, for measurements and commands that are delayed by a
+/// number of cycles each.
 pub fn state_estimator(
     description: &Description,
     model: &ReducedModel<f64>,
@@ -193,7 +194,7 @@ pub fn known_delay(description: &Description) -> u32 {
     equipped.numbers.fieldbus_delay.round() as u32
 }
 
-/// Estimator and law, for measurements and commands that are late by so many cycles each.
+/// Estimator and law, for measurements and commands that are delayed by a number of cycles each.
 ///
 /// # Errors
 ///

@@ -24,7 +24,7 @@ pub const READINGS: usize = 3;
 const READING_SIZES: [f64; READINGS] = [1e-4, 1e4, 1.0];
 /// Sizes of the states that are alike, in the order of [`MachineState`].
 const STATE_SIZES: [f64; STATES] = [1e-4, 1e-3, 1e4, 1e4, 1e4, 0.1, 1.0, 1e5];
-/// Small against what the controller limits.
+/// Small against the controller's limits.
 const SMALL: f64 = 1e-3;
 /// Periods in which the covariance settles, 3 s. Margins and growing poles are the same after 0.5 s and after 12 s;
 /// after 1 s a response is off by up to 5 %.
