@@ -32,7 +32,7 @@ impl Counters {
     }
 }
 
-/// What is accepted within a session.
+/// Acceptance of datagrams within a session.
 #[derive(Clone, Copy, Debug)]
 pub struct Session {
     number: u64,
@@ -59,7 +59,8 @@ impl Session {
         Header { session: self.number, sequence: self.sent, received: self.received, clock }
     }
 
-    /// Takes a datagram; none where it is dropped, which is counted. What is dropped must not feed a watchdog.
+    /// Takes a datagram; none where it is dropped, which is counted. A dropped datagram must not feed a
+    /// watchdog.
     pub fn accept(&mut self, bytes: &[u8]) -> Option<(Header, Body)> {
         let counters = &mut self.counters;
         let (header, body) = match decode(bytes) {
