@@ -43,7 +43,7 @@ pub trait Plant: Send + Sync {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the simulation leaves what the model holds for.
+    /// [`SimulationError`] when the simulation leaves the model's range of validity.
     fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError>;
     /// Time since the start \[s\].
     fn time(&self) -> f64;
@@ -75,8 +75,7 @@ pub trait Plant: Send + Sync {
     ///
     /// [`PlantError`] when the description gives no model of this size.
     fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError>;
-    /// Sets by how much dissolved air lowers the pressure at which the oil stiffens, node by node
-    /// \[Pa\].
+    /// Sets the decrease of the pressure at which the oil stiffens by dissolved air, node by node \[Pa\].
     fn set_dissolved_air(&mut self, shift: Nodes<f64>);
     /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
     /// will drop onto its cylinder.

@@ -153,8 +153,8 @@ impl<const W: usize> SideBySide<W> {
         Ok(())
     }
 
-    /// Sets by how much dissolved air lowers the pressure at which each one's oil stiffens \[Pa\];
-    /// false, and nothing is set, where some are given and some are not.
+    /// Sets the decrease by dissolved air of the pressure at which each one's oil stiffens \[Pa\]; false,
+    /// and nothing is set, where some are given and some are not.
     pub fn set_dissolved_air(&mut self, shifts: [Option<Nodes<f64>>; W]) -> bool {
         if shifts.iter().any(|shift| shift.is_some() != shifts[0].is_some()) {
             return false;
@@ -182,7 +182,7 @@ fn together<const W: usize>(cranes: &[Crane<f64, ROOM>; W]) -> Option<Crane<Lane
         crane.map(&mut |value| list.push(value));
         list
     });
-    // what is left without the numbers: laws, options, lengths
+    // the structure without the numbers: laws, options, lengths
     let make = |crane: &Crane<f64, ROOM>| crane.map(&mut |_| ());
     let same = cranes.iter().all(|crane| make(crane) == make(&cranes[0]));
     let mut index = 0_usize..;
