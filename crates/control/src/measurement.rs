@@ -1,4 +1,4 @@
-//! Measurement: what a controller is given of a machine in a control period.
+//! Measurement: input of a controller from a machine in a control period.
 
 use hydroboom_math::{Real, record};
 
@@ -73,8 +73,8 @@ impl AxisMeasurement {
         Self { signals, validity }
     }
 
-    /// Signals with the validity that the machine reports. One that is absent or out of range is NaN, whatever value
-    /// came with it, so that nothing takes it for a measured one.
+    /// Signals with the validity that the machine reports. One that is absent or out of range is NaN, for
+    /// any value that came with it, so that it is not used as a measured one.
     pub fn reported(signals: AxisSignals<f64>, validity: AxisSignals<Validity>) -> Self {
         let mut values = signals.to_array();
         for (value, validity) in values.iter_mut().zip(validity.to_array()) {
@@ -99,7 +99,7 @@ impl AxisMeasurement {
         self
     }
 
-    /// With what was good marked as [`Validity::Stale`].
+    /// With valid signals marked as [`Validity::Stale`].
     #[must_use]
     pub fn stale(mut self) -> Self {
         self.validity = self.validity.map(|validity| match validity {

@@ -1,4 +1,4 @@
-//! What a controller remembers, as numbers with names.
+//! State of a controller, as numbers with names.
 
 /// A record of the state between periods, all of it numbers.
 ///

@@ -17,7 +17,7 @@ use super::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_math::{Dual, Real, record};
 
 record! {
-    /// Parameters that the filter takes for exact; here, the standard deviation of each.
+    /// Parameters that the filter assumes to be exact, as a standard deviation of each.
     pub struct ConsideredParameters<T> {
         /// Coulomb friction over the piston's area, p_C
         #[unit = "Pa"]
@@ -88,7 +88,7 @@ pub fn independent<T: Real, const N: usize>(deviations: &[T; N]) -> Covariance<T
     })
 }
 
-/// A period on: `J P Jᵀ`, `rows` being those of the states in J; what comes after the states is constant.
+/// A period on: `J P Jᵀ`, `rows` being those of the states in J; the entries after the states are constant.
 #[inline(always)]
 pub fn propagated<T: Real, const N: usize>(
     p: &Covariance<T, N>,

@@ -6,8 +6,8 @@
 //! the [error covariance](super::error_covariance) includes the parameters that the filter assumes to be
 //! exact; the estimator reports it.
 //!
-//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968 (covariance). A load change is told by the
-//! [innovation test](super::innovation_test).
+//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968
+//! (covariance). A load change is detected by the [innovation test](super::innovation_test).
 
 use super::error_covariance::{
     ConsideredParameters, Covariance, ERRORS, corrected, independent, limit, propagated,
@@ -186,14 +186,15 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         MachineState { payload: self.payload_deviation(state), ..of_errors }
     }
 
-    /// Standard deviation of the payload \[kg\]: the error covariance is that of a load at the crane file's centre of mass. An error of the moment arm
-    /// is one of the payload by the same share, whatever is measured.
+    /// Standard deviation of the payload \[kg\]: the error covariance is that of a load at the crane file's
+    /// centre of mass. An error of the moment arm is one of the payload by the same share, for all
+    /// measurements.
     pub fn payload_deviation(&self, state: &EstimatorState<T>) -> T {
         let by_arm = self.payload_arm * state.estimate.payload;
         (state.errors[PAYLOAD][PAYLOAD].max(T::zero()) + by_arm.square()).sqrt()
     }
 
-    /// At rest where the machine is: the load pressure is taken for its weight.
+    /// At rest at the measured position: the load pressure is attributed to the weight.
     pub fn start(&self, measured: &EstimatorInput<T>) -> EstimatorState<T> {
         let zero = T::zero();
         let payload = self.model.payload_at_rest(measured.position, measured.load_pressure);
@@ -334,7 +335,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         [[one, -self.sensor_lag, at.compliance], [zero, zero, one]]
     }
 
-    /// What position and load pressure tell.
+    /// Correction by position and load pressure.
     fn correct(
         &self,
         state: &mut EstimatorState<T>,

@@ -11,7 +11,8 @@ use super::state_estimator::{StateEstimator, StateEstimatorState};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// What is known of a machine from one run to the next: oil, pump and drive, with the covariance of their errors.
+    /// Parameters of a machine retained from one run to the next: oil, pump and drive, with the covariance
+    /// of their errors.
     pub struct RetainedParameters<T> {
         /// Unknown flow, as a motor speed
         #[unit = "rev/s"]
@@ -64,8 +65,8 @@ fn clear_shared<T: Real, const N: usize>(p: &mut Covariance<T, N>, clears: T::Ma
 }
 
 impl<T: Real> StateEstimator<T> {
-    /// Takes retained parameters where `mask` holds and all of them are numbers, limited to what is estimated. The filter's own covariance, which gives its gain, is
-    /// that of the errors too.
+    /// Takes retained parameters where `mask` holds and all of them are numbers, limited to the estimated
+    /// ranges. The filter's own covariance, which gives its gain, is that of the errors too.
     pub fn restore(
         &self,
         state: &mut StateEstimatorState<T>,

@@ -174,7 +174,7 @@ impl<T: Real> StateEstimator<T> {
         state.commands[0] = command;
         let speed = measured.motor_speed;
         let mean = T::lit(0.5) * (state.motor_speed + speed);
-        // a motor at its torque or slew limit tells nothing of its lag
+        // the lag is not observable from a motor at its torque or slew limit
         let is_free = (speed - state.motor_speed).abs().lt(self.free_slew * self.slew);
         let is_informative =
             is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis) & !is_frozen;

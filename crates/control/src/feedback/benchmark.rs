@@ -111,8 +111,8 @@ impl<T: Real> Benchmark<T> {
         wanted.clamp(-self.limits.speed, self.limits.speed)
     }
 
-    /// Makes the next [`update`](Self::update) ask for `speed` \[rev/s\], so that the controller takes
-    /// over from whatever moved the machine until now without a bump.
+    /// Makes the next [`update`](Self::update) command `speed` \[rev/s\], for a bumpless transfer from the
+    /// previous controller.
     #[inline(always)]
     pub fn take_over(
         &self,

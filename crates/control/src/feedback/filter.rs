@@ -29,7 +29,7 @@ impl<T: Real> HighPass<T> {
 }
 
 record! {
-    /// What a notch remembers between samples.
+    /// State of a notch.
     pub struct NotchMemory<T> {
         /// The sum that the next output takes
         #[unit = "of the input"]
@@ -40,8 +40,8 @@ record! {
     }
 }
 
-/// A notch `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear rule that keeps ω where it is: what comes
-/// slowly passes unchanged, what comes with ω is weakened to ζ_n/ζ_d.
+/// A notch `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear rule that keeps ω
+/// where it is: what comes slowly passes unchanged, a component at ω is attenuated to ζ_n/ζ_d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Notch<T> {
     /// Shares of the input now and two samples ago.
@@ -112,7 +112,7 @@ mod tests {
     fn a_notch_weakens_its_frequency_and_passes_what_is_slow() {
         let (frequency, period) = (50.0, 1e-3);
         let notch = Notch::new(frequency * core::f64::consts::TAU, [0.1, 0.7], period);
-        // after a steady input nothing jumps
+        // after a constant input the output has no step
         let mut memory = notch.steady(3.0);
         assert!((notch.update(&mut memory, 3.0) - 3.0).abs() < 1e-12);
         let largest = |hz: f64| {

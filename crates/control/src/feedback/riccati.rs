@@ -7,7 +7,7 @@
 //!
 //! The recursion (value iteration) has A, b of the present operating point. It converges to the regulator's
 //! gain within the closed loop's own settling time, and tracks it as the operating point moves. Joseph's
-//! form keeps P symmetric and not negative whatever is rounded.
+//! form keeps P symmetric and positive semi-definite under rounding.
 //!
 //! Source: D. Bertsekas, *Dynamic Programming and Optimal Control*, vol. 1, section 3.1.
 

@@ -212,7 +212,8 @@ impl<T: Real> ScheduledLqr<T> {
         regulator
     }
 
-    /// One Riccati step of the present operating point, while another controller commands: begun anew where there is no regulator yet.
+    /// One Riccati step of the present operating point, while another controller commands; initialised
+    /// where there is no regulator yet.
     pub fn follow_operating_point(
         &self,
         regulator: Option<Regulator<T>>,

@@ -1,5 +1,5 @@
-//! Input shaping: a trajectory convolved with two (ZV) or three (ZVD) impulses, so that a lightly damped mode does not ring
-//! after it.
+//! Input shaping: a trajectory convolved with two (ZV) or three (ZVD) impulses, so that a lightly damped
+//! mode is not excited after it.
 //!
 //! Source: N. C. Singer and W. P. Seering, "Preshaping Command Inputs to Reduce System Vibration", Journal of Dynamic Systems,
 //! Measurement, and Control 112 (1), 1990, 76-82, doi:10.1115/1.2894142.
@@ -25,8 +25,9 @@ impl InputShaper {
         Self { impulses: [(1.0 / whole, 0.0), (k / whole, half), (0.0, 0.0)] }
     }
 
-    /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by frequency \[Hz\] is zero, too,
-    /// so that a mode somewhat beside it hardly rings either.
+    /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by
+    /// frequency \[Hz\] is zero, too, so that a mode of a slightly different frequency is hardly excited
+    /// either.
     pub fn zvd(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = (1.0 + k) * (1.0 + k);
@@ -105,7 +106,8 @@ mod tests {
     use super::*;
     use crate::reference::profile::{OutAndBack, RampShape};
 
-    /// Largest swing after the motion of a pendulum of 2.5 Hz whose support follows a trajectory, in millimetres.
+    /// Largest residual amplitude after the motion of a pendulum of 2.5 Hz whose support follows a
+    /// trajectory, in millimetres.
     fn residual_vibration(trajectory: &impl Trajectory, frequency: f64, damping: f64) -> f64 {
         let (w, step) = (core::f64::consts::TAU * frequency, 1e-4);
         let (mut swing, mut rate, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64);

@@ -43,7 +43,7 @@ pub struct PreviewAhead<T> {
 }
 
 impl<T: Real> PreviewAhead<T> {
-    /// Nothing after now is known.
+    /// Without preview.
     pub fn unknown() -> Self {
         let zero = T::zero();
         Self {
