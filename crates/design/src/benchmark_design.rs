@@ -29,7 +29,7 @@ use serde::Serialize;
 use std::cell::Cell;
 use std::f64::consts::{PI, TAU};
 
-// numbers of the search; what it has to keep stands in the crane file's section `benchmark_design`
+// numbers of the search; its constraints are in the crane file's section `benchmark_design`
 
 /// Payloads that the search begins with, and those at which gains are judged at each position to begin with; the ends of the range are among them.
 const PAYLOADS: u32 = 5;
@@ -51,8 +51,9 @@ const POINTS: u32 = 800;
 const LINE_OF_SEARCH: f64 = 0.25;
 /// The search keeps a distance that is larger by this factor, so that exchange ends.
 const SLACK: f64 = 1.005;
-/// Least damping ratio of the position loop by itself, s² + K_p s + K_i around a piston that integrates its speed: K_i is at most (K_p/(2 ζ))², which is K_p² for 0.5.
-/// With more integral action than that the loop oscillates slowly, whatever its margins are.
+/// Least damping ratio of the position loop by itself, s² + K_p s + K_i around a piston that integrates its
+/// speed: K_i is at most (K_p/(2 ζ))², which is K_p² for 0.5. With more integral action the loop oscillates
+/// slowly, for any margins.
 const LEAST_DAMPING: f64 = 0.5;
 /// Steps of the first grid: of the pressure feedback, of the high-pass, of the proportional gain.
 const FEEDBACKS: u32 = 22;
@@ -129,7 +130,7 @@ impl Gains {
     }
 }
 
-/// Gains that were found, and what they come to.
+/// Designed gains, and their margins.
 #[derive(Clone, Debug, Serialize)]
 pub struct BenchmarkDesign {
     /// The gains.
@@ -159,7 +160,7 @@ pub struct WorstMargins {
     pub stroke_mm: f64,
 }
 
-/// What a loop is made of at one s: position and load pressure with all that is around, per unit of gain.
+/// Parts of a loop at one s: position and load pressure with their actuation and sensors, per unit of gain.
 struct Sample {
     s: Complex<f64>,
     position: Complex<f64>,
@@ -267,7 +268,8 @@ pub fn payload_range(description: &Description) -> [f64; 2] {
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the distance that is asked for, or the worst cases go on changing.
+/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the
+/// required distance, or the exchange does not converge.
 pub fn benchmark_design(
     description: &Description,
     payload: [f64; 2],
@@ -405,7 +407,7 @@ impl Judged<'_> {
 
 /// Search for the largest integral gain over the four gains, by their logarithms.
 struct Search {
-    /// What gains have to keep a distance with; more cases lower the integral gain that goes with others.
+    /// Cases in which gains have to keep a distance; more cases lower the admissible integral gain.
     cases: Vec<Case>,
     /// The one that failed last.
     failed: Cell<usize>,
@@ -414,7 +416,7 @@ struct Search {
     longest_high_pass: f64,
     /// Largest volume that pressure feedback gives up for a lasting Pascal, k_f τ \[m³/Pa\].
     largest_droop: f64,
-    /// The first grid; integral gains are upper bounds of what goes with the others.
+    /// The first grid; integral gains are upper bounds for the others.
     grid: Vec<Gains>,
 }
 
@@ -446,7 +448,7 @@ impl Search {
     }
 
     fn keeps(&self, gains: &Gains) -> bool {
-        // what failed last fails first
+        // the constraint violated last is tested first
         let first = self.failed.get();
         let fails = |case: &Case| !case.keeps(gains, self.distance);
         if self.cases.get(first).is_some_and(fails) {
@@ -556,7 +558,8 @@ fn grid(slowest: f64, unit: f64, longest_high_pass: f64) -> Vec<Gains> {
 mod tests {
     use super::*;
 
-    /// The paper tuned its benchmark on its crane. The method comes to about the same: no other controller than the paper's.
+    /// The paper tuned its benchmark on its crane. The method gives about the same: no other controller
+    /// than the paper's.
     #[test]
     fn the_method_gives_the_papers_crane_about_the_papers_gains() {
         let paper = Description::uia_single_boom().unwrap();
@@ -600,7 +603,7 @@ mod tests {
                 let of = margins(&plant, &benchmark_loop(&tuned)).unwrap();
                 let place = format!("{set}: {} kg at {position} m", loaded.numbers.payload);
                 assert!(of.is_stable() && 1.0 / of.modulus_margin <= peak, "{place}: {of:?}");
-                // what a largest sensitivity of 1.7 says of both other margins
+                // bounds of both other margins by a largest sensitivity of 1.7
                 assert!(of.phase_deg > 34.2 && of.gain > 2.42, "{place}: {of:?}");
             }
             // the search is done to some hundredths
@@ -613,7 +616,8 @@ mod tests {
         }
     }
 
-    /// What keeps the margins with all payloads keeps them with some: these allow as much integral gain at least.
+    /// Gains that keep the margins with all payloads keep them with a part of these, which allows at least
+    /// as much integral gain.
     #[test]
     fn fewer_payloads_allow_no_less_integral_gain() {
         let mut crane = Description::uia_single_boom().unwrap();

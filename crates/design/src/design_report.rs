@@ -23,8 +23,8 @@ pub struct DesignReport {
     pub scheduled_lqr: Margins,
 }
 
-/// The benchmark's loop around the machine. Drive and fieldbus, as the estimator knows them before anything is identified, delay it, and the sampling by half a
-/// period.
+/// The benchmark's loop around the machine. Drive and fieldbus, with the estimator's values before
+/// identification, delay it, and the sampling by half a period.
 pub fn benchmark_loop(description: &Description) -> Loop {
     let n = &description.numbers;
     let fieldbus = 2.0 * f64::from(known_delay(description)) * n.control_period;

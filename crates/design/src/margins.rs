@@ -9,7 +9,8 @@ use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Lowest and highest frequency that is looked at \[Hz\], and points between them to begin with; resonances of the crane get their own.
+/// Lowest and highest frequency of the grid \[Hz\], and its initial number of points; resonances of the
+/// crane get their own.
 const FREQUENCIES: [f64; 2] = [0.02, 300.0];
 const POINTS: u32 = 600;
 /// Where 1 + L changes by more than this share of itself between two points, the interval is bisected, and
@@ -89,7 +90,8 @@ impl Loop {
         }
     }
 
-    /// Highest frequency at which it is a response of its own \[Hz\]: half the sampling frequency of a sampled controller.
+    /// Nyquist frequency \[Hz\]: half the sampling frequency of a sampled controller, infinite for a
+    /// continuous one.
     pub(crate) fn highest_frequency(&self) -> f64 {
         match self {
             Self::Benchmark { .. } => f64::INFINITY,

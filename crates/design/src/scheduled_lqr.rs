@@ -27,7 +27,7 @@ pub fn state_estimator(
     // where the crane file has no sensors, those of its virtual crane
     let (equipped, _) = description.virtual_crane();
     let sensors = &equipped.numbers;
-    // a range is taken for a uniform distribution
+    // a range is assumed to be a uniform distribution
     let deviation = |low: f64, high: f64| (high - low) / 12_f64.sqrt();
     let middle = model.at(model.half_stroke, n.payload);
     let per_kg = {

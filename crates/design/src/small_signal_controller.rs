@@ -182,7 +182,7 @@ mod tests {
     use hydroboom_description::Description;
     use std::f64::consts::TAU;
 
-    /// The controller itself is shown small sines for so long that only they are left.
+    /// The controller itself has small sines as input, until the transient has decayed.
     #[test]
     fn it_answers_sines_as_the_controller_does() {
         let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();

@@ -51,11 +51,11 @@ impl fmt::Display for Equipment {
 pub struct LoopStability {
     /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
     pub controller: &'static str,
-    /// What it is closed through.
+    /// Equipment in the loop.
     pub equipment: Equipment,
     /// Whether no pole of the closed loop grows, so fast that it doubles within 35 s, at any of the positions.
     pub stable: bool,
-    /// Piston positions that were looked at.
+    /// Judged piston positions.
     pub judged_at_mm: Vec<f64>,
     /// Those at which one does.
     pub unstable_at_mm: Vec<f64>,
@@ -295,7 +295,7 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     })
 }
 
-/// What a controller of a model knows that has identified a crane's oil and drive.
+/// Description known to a controller of a model after identification of a crane's oil and drive.
 pub fn with_identified(model: &Description, crane: &Description) -> Description {
     let mut known = model.clone();
     let n = &mut known.numbers;

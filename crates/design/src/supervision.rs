@@ -24,7 +24,7 @@ const POSITIONS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 const WINDOW_PERIODS: f64 = 20.0;
 /// Rate at which the pump side's pressure is held during the proof \[1/s\]: slow against the drive.
 const HOLDING_RATE: f64 = 10.0;
-/// Motion that may be asked for where the position scatters, over the motion of a quiet one.
+/// Largest proving motion with a noisy position, over that with a quiet one.
 const LARGEST_MOTION: f64 = 5.0;
 /// Fast filling, far below the load's pressure, over slow filling.
 const FAST: f64 = 4.0;
@@ -72,11 +72,11 @@ struct Derivation {
 
 /// Limits and monitors of a crane as described, for a course at a speed \[m/s\].
 ///
-/// Typical equipment stands in where the file leaves drive, valve, sensors or fieldbus out.
+/// Typical equipment is used where the file omits drive, valve, sensors or fieldbus.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot rest, or has no mode in which its load rings.
+/// [`DesignError`] when the crane cannot rest, or has no load mode.
 pub fn limits(model: &Description, speed: f64) -> Result<Limits, DesignError> {
     Ok(Derivation::of(model)?.limits(speed))
 }

@@ -77,7 +77,7 @@ mod tests {
         state.estimate.payload = 240.0;
         let payload = go_on(&state, 1000);
         assert!((payload - 220.0).abs() < 2.0, "{payload} kg");
-        // its numbers taken for exact, so that only the filter's errors are left
+        // its numbers assumed exact, so that only the filter's errors remain
         let exact = TipEstimator { covariance: [[0.0; 3]; 3], ..tip };
         let deviation = |payload: f64| {
             let memory = TipMemory { payload, weight: 1.0 };

@@ -38,7 +38,7 @@ pub enum SurveyError {
         place: String,
         /// Value, and allowed values.
         reason: String,
-        /// What to do.
+        /// Advice.
         advice: String,
     },
     /// A crane whose tip is not estimated.
@@ -348,7 +348,7 @@ mod tests {
         assert!(fit.residual < 1e-7, "{}", fit.residual);
     }
 
-    /// A survey of a millimetre tells the sum of bending and base, and not each.
+    /// A survey of a millimetre determines the sum of bending and base, not each.
     #[test]
     fn bending_and_base_are_told_together() {
         let as_stated = tip_of(&crane()).unwrap();

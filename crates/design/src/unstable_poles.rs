@@ -14,7 +14,7 @@ pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 /// crane get their own.
 const HIGHEST: f64 = 400.0;
 const POINTS: u32 = 800;
-/// Places about a resonance that are looked at, in half widths at half power.
+/// Grid points about a resonance, in half widths at half power.
 const ABOUT_RESONANCE: [f64; 5] = [-3.0, -1.0, 0.0, 1.0, 3.0];
 
 /// Largest turn of the loop between two points \[rad\], beyond which the interval is bisected, and the
