@@ -11,8 +11,8 @@ use hydroboom_model::{
 /// Coordinates of the boom there is room for: ten segments on an elastic base.
 const ROOM: usize = 11;
 
-/// `W` cranes of the same make and different parameters, in steps of one length with the implicit
-/// scheme. Each gives what it would give alone, to the last bit.
+/// `W` cranes of the same make and different parameters, in steps of one length with the implicit scheme.
+/// Each has the results of a single simulation, to the last bit.
 pub struct SideBySide<const W: usize> {
     cranes: [Crane<f64, ROOM>; W],
     wide: Crane<Lanes<W>, ROOM>,
@@ -20,7 +20,7 @@ pub struct SideBySide<const W: usize> {
     state: CraneState<Lanes<W>, ROOM>,
     step: f64,
     count: u64,
-    /// Cranes that could not go on, and stay where they were.
+    /// Cranes whose simulation failed, in their last state.
     stopped: [Option<SimulationError>; W],
 }
 
@@ -109,7 +109,7 @@ impl<const W: usize> SideBySide<W> {
         self.count += 1;
     }
 
-    /// Why a crane could not go on; none while it does.
+    /// Error of a crane's simulation, if any.
     pub fn stopped(&self, lane: usize) -> Option<SimulationError> {
         self.stopped[lane]
     }
@@ -119,7 +119,7 @@ impl<const W: usize> SideBySide<W> {
         self.step
     }
 
-    /// What can be seen of each.
+    /// Outputs of each.
     pub fn outputs(&self) -> [Outputs<f64>; W] {
         let outputs = self.wide.outputs(&self.state);
         std::array::from_fn(|lane| outputs.map(|v| v.0[lane]))
@@ -130,7 +130,7 @@ impl<const W: usize> SideBySide<W> {
         self.cranes[lane].power(&state_of(&self.state, lane), input).losses()
     }
 
-    /// One crane goes on with the parameters of another description of the same make, and air
+    /// One crane continues with the parameters of another description of the same structure, and air
     /// dissolved as given.
     ///
     /// # Errors
