@@ -43,7 +43,7 @@ const HELLO_HEAD: usize = 16;
 /// Bytes of an axis in a hello: lowest and highest of each measured signal.
 const HELLO_AXIS: usize = 16 * MEASURED.len();
 
-/// What comes before the body.
+/// Header before the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Header {
     /// Session: 64 random bits that the controller has chosen.
@@ -187,7 +187,7 @@ const HELLO: u8 = 1;
 const MEASUREMENT: u8 = 2;
 const COMMAND: u8 = 3;
 
-/// Bytes being written; what does not fit is left out, which a length that is no datagram's shows.
+/// Bytes being written. Bytes that do not fit are omitted, which an invalid length shows.
 struct Writer<'a> {
     bytes: &'a mut [u8; LONGEST],
     length: usize,
