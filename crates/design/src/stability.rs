@@ -276,7 +276,8 @@ pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = stable.iter().map(|of| of.controller).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: the difference is that delay. `--plant virtual` runs on a machine with it",
+            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: the difference is that \
+             delay. `--plant virtual` runs on a machine with it",
             Equipment::Expected.to_string().replacen('w', "W", 1),
             names.join(" and of the ")
         )

@@ -218,7 +218,8 @@ const HEADER: [&str; 10] = [
 /// Index of the frequencies among the columns.
 const RINGS: usize = 7;
 /// Note on frequencies in brackets.
-const SPECTRUM: &str = "(...): this frequency is not judged. It is a peak of the spectrum without a fitted decaying oscillation, or the oscillation decays within fewer than four periods.";
+const SPECTRUM: &str = "(...): this frequency is not judged. It is a peak of the spectrum without a fitted \
+    decaying oscillation, or the oscillation decays within fewer than four periods.";
 
 fn row(finding: &Finding) -> Vec<String> {
     let d = &finding.difference;
@@ -351,7 +352,7 @@ fn page(
         }
         CircuitChoice::ValveControlled => {
             "the log's valve command, supply and tank pressure. It starts at rest at the log's piston position with the log's pressures, \
-                  if friction can carry the remaining load"
+                  as far as friction carries the remaining load"
         }
     };
     let body = html! {
@@ -384,7 +385,8 @@ fn page(
             } } }
         } }
         p.soft {
-            "Fit: 100 % less the share of the log's own standard deviation that the model misses. Coloured: share of the difference's autocorrelations, up to a "
+            "Fit: 100 % less the share of the log's own standard deviation that the model misses. Coloured: share \
+             of the difference's autocorrelations, up to a "
             "second, outside the 95 % band of white noise; 0.05 for white noise."
             @if findings().any(|(_, finding)| row(finding)[RINGS].contains('(')) { " " (SPECTRUM) }
             @if is_published { " The paper's numbers are of its own crane at 120 mm/s." }

@@ -275,7 +275,8 @@ impl CycleReport {
         {
             is_usable = false;
             self.remarks.push(format!(
-                "the identified model is not applied: feedforward from it has an error of {:.2} mm RMS as measured, from the nominal model {:.2} mm",
+                "the identified model is not applied: feedforward from it has an error of {:.2} mm RMS as \
+                 measured, from the nominal model {:.2} mm",
                 1e3 * rms(&fitted.measured),
                 1e3 * rms(&nominal.measured)
             ));
