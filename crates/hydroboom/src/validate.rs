@@ -110,7 +110,7 @@ impl Validate {
                 said += &format!("\n{input}");
             }
             if let Some(mended) = &part.mended {
-                said += &format!("\n{MENDED} {}", verdict_text::said(mended));
+                said += &format!("\n{AFTER_CORRECTION} {}", verdict_text::said(mended));
             }
             if let Some(advice) = &part.advice {
                 said += &format!("\n{advice}");
@@ -184,7 +184,7 @@ fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
 }
 
 /// Text before the verdict on the corrected log, in which keys are searched.
-const MENDED: &str = "With that mended:";
+const AFTER_CORRECTION: &str = "After this correction:";
 
 /// Remark on an initial accumulator pressure that differs from the crane file's, unless another low-side
 /// pressure explains it.
@@ -365,7 +365,7 @@ fn page(
         h2 { "Findings" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         @for part in parts { @for input in &part.inputs { p { (input) (of_segment(parts, &part.experiment)) } } }
-        @for part in parts { @if let Some(mended) = &part.mended { p { (MENDED) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
+        @for part in parts { @if let Some(mended) = &part.mended { p { (AFTER_CORRECTION) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
         @for part in parts { @if let Some(advice) = &part.advice { p { (advice) (of_segment(parts, &part.experiment)) } } }
         p.soft {
             "Candidate keys follow from exact derivatives and are tested by running the model with that key changed: "
