@@ -26,8 +26,7 @@ impl InputShaper {
     }
 
     /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by
-    /// frequency \[Hz\] is zero, too, so that a mode of a slightly different frequency is hardly excited
-    /// either.
+    /// frequency \[Hz\] is zero, too. So a mode of a slightly different frequency is hardly excited either.
     pub fn zvd(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = (1.0 + k) * (1.0 + k);
