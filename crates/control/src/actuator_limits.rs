@@ -1,4 +1,4 @@
-//! What the servo motor can do.
+//! Speed and slew limits of the servo motor.
 
 use hydroboom_math::Real;
 
@@ -12,8 +12,8 @@ pub struct ActuatorLimits<T> {
 }
 
 impl<T: Real> ActuatorLimits<T> {
-    /// The speed \[rev/s\] the motor reaches after `period` \[s\] when `wanted` is asked of it at
-    /// the speed `now`.
+    /// The speed \[rev/s\] the motor reaches after `period` \[s\] with `wanted` commanded at the speed
+    /// `now`.
     #[inline(always)]
     pub fn follow(&self, now: T, wanted: T, period: T) -> T {
         let reach = self.slew * period;

@@ -1,4 +1,4 @@
-//! Controller: the one interface between a control law and whatever runs it, in simulation or in real time.
+//! Controller: the only interface of a control law, in simulation and in real time.
 
 use crate::command::Command;
 use crate::measurement::{AXES, Measurement};
@@ -40,8 +40,8 @@ pub struct ControllerStatus {
     pub periods_without_solution: u64,
 }
 
-/// A controller. It knows its parameters, and remembers what it needs from one control period to the next; it allocates nothing
-/// after it was made, and does not panic.
+/// A controller. It has parameters and a state between control periods; it allocates nothing after it was
+/// made, and does not panic.
 pub trait Controller: Send {
     /// Begins control of a machine at rest with the load released. The fieldbus delays a measurement by `delay_cycles` control periods, and a
     /// command by as many, as far as is known.

@@ -4,7 +4,7 @@
 //! and one set of settings serves any number of runs. Speeds are in rev/s here; rpm belongs to
 //! files and screens.
 #![cfg_attr(not(test), no_std)]
-// what runs in the control cycle cannot panic
+// code of the control cycle cannot panic
 #![deny(
     clippy::disallowed_methods,
     clippy::expect_used,

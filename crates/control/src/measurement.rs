@@ -1,4 +1,4 @@
-//! Measurement: what a controller is given of a machine in a control period.
+//! Measurement: input of a controller from a machine in a control period.
 
 use hydroboom_math::{Real, record};
 
@@ -73,8 +73,8 @@ impl AxisMeasurement {
         Self { signals, validity }
     }
 
-    /// Signals with the validity that the machine reports. One that is absent or out of range is NaN, whatever value
-    /// came with it, so that nothing takes it for a measured one.
+    /// Signals with the validity that the machine reports. One that is absent or out of range is NaN, for
+    /// any value that came with it, so that it is not used as a measured one.
     pub fn reported(signals: AxisSignals<f64>, validity: AxisSignals<Validity>) -> Self {
         let mut values = signals.to_array();
         for (value, validity) in values.iter_mut().zip(validity.to_array()) {
@@ -85,7 +85,7 @@ impl AxisMeasurement {
         Self { signals: AxisSignals::from_array(values), validity }
     }
 
-    /// With what is outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
+    /// With values outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
     #[must_use]
     pub fn within(mut self, ranges: &AxisSignals<(f64, f64)>) -> Self {
         let (values, ranges) = (self.signals.to_array(), ranges.to_array());
@@ -99,7 +99,7 @@ impl AxisMeasurement {
         self
     }
 
-    /// With what was good marked as [`Validity::Stale`].
+    /// With valid signals marked as [`Validity::Stale`].
     #[must_use]
     pub fn stale(mut self) -> Self {
         self.validity = self.validity.map(|validity| match validity {
@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(measured.validity.stroke, Validity::OutOfRange);
         assert_eq!(measured.validity.pressure_a, Validity::Absent);
         assert_eq!(measured.validity.motor_speed, Validity::Good);
-        // a machine that calls a value out of range is believed, and what is stale keeps its value
+        // a value that the machine marks as out of range stays so, and a stale one keeps its value
         let reported = AxisMeasurement::reported(signals, measured.validity);
         assert!(reported.signals.stroke.is_nan() && reported.signals.pressure_a.is_nan());
         let old = AxisMeasurement::reported(signals, measured.stale().validity).signals;

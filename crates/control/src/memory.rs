@@ -1,6 +1,6 @@
-//! What a controller remembers, as numbers with names.
+//! State of a controller, as numbers with names.
 
-/// A record of what is carried from period to period, all of it numbers.
+/// A record of the state between periods, all of it numbers.
 ///
 /// For a memory that is outside: states of generated code, a file, a message.
 pub trait Memory<T>: Sized {

@@ -80,7 +80,7 @@ impl Gains {
         ]
     }
 
-    /// With so many digits as a crane file is written with.
+    /// Rounded to the digits of a crane file.
     fn rounded(&self) -> Self {
         let four = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
         Self {
@@ -92,7 +92,7 @@ impl Gains {
     }
 }
 
-/// Gains that were found, and what they come to.
+/// Designed gains, and their margins.
 #[derive(Clone, Debug, Serialize)]
 pub struct BenchmarkDesign {
     /// The gains.
@@ -115,7 +115,8 @@ pub fn payload_range(description: &Description) -> [f64; 2] {
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the distance that is asked for, or the worst cases go on changing.
+/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the
+/// required distance, or the exchange does not converge.
 pub fn benchmark_design(
     description: &Description,
     payload: [f64; 2],
@@ -145,7 +146,8 @@ mod tests {
     use crate::design_report::benchmark_loop;
     use crate::{LinearisedPlant, margins};
 
-    /// The paper tuned its benchmark on its crane. The method comes to about the same: no other controller than the paper's.
+    /// The paper tuned its benchmark on its crane. The method gives about the same: no other controller
+    /// than the paper's.
     #[test]
     fn the_method_gives_the_papers_crane_about_the_papers_gains() {
         let paper = Description::uia_single_boom().unwrap();
@@ -189,7 +191,7 @@ mod tests {
                 let of = margins(&plant, &benchmark_loop(&tuned)).unwrap();
                 let place = format!("{set}: {} kg at {position} m", loaded.numbers.payload);
                 assert!(of.is_stable() && 1.0 / of.modulus_margin <= peak, "{place}: {of:?}");
-                // what a largest sensitivity of 1.7 says of both other margins
+                // bounds of both other margins by a largest sensitivity of 1.7
                 assert!(of.phase_deg > 34.2 && of.gain > 2.42, "{place}: {of:?}");
             }
             // the search is done to some hundredths
@@ -202,7 +204,8 @@ mod tests {
         }
     }
 
-    /// What keeps the margins with all payloads keeps them with some: these allow as much integral gain at least.
+    /// Gains that keep the margins with all payloads keep them with a part of these, which allows at least
+    /// as much integral gain.
     #[test]
     fn fewer_payloads_allow_no_less_integral_gain() {
         let mut crane = Description::uia_single_boom().unwrap();

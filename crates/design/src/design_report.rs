@@ -15,7 +15,7 @@ use serde::Serialize;
 pub struct DesignReport {
     /// Piston position.
     pub stroke_mm: f64,
-    /// The mode in which boom and load ring on the oil; none where it is so damped that it does not oscillate.
+    /// The mode in which boom and load oscillate on the oil; none where it is overdamped.
     pub load_mode: Option<Mode>,
     /// Of the benchmark's loop.
     pub benchmark: Margins,
@@ -23,8 +23,8 @@ pub struct DesignReport {
     pub scheduled_lqr: Margins,
 }
 
-/// The benchmark's loop around the machine. Drive and fieldbus, as the estimator knows them before anything is identified, delay it, and the sampling by half a
-/// period.
+/// The benchmark's loop around the machine. Drive and fieldbus, with the estimator's values before
+/// identification, delay it, and the sampling by half a period.
 pub fn benchmark_loop(description: &Description) -> Loop {
     let n = &description.numbers;
     let fieldbus = 2.0 * f64::from(known_delay(description)) * n.control_period;
@@ -49,7 +49,8 @@ pub fn scheduled_lqr_loop(description: &Description, stroke: f64) -> Result<Loop
     Ok(scheduled_lqr_loop_at(description, &design, stroke, description.numbers.payload))
 }
 
-/// The same for estimator and law [`designed`] for the description, settled at rest with a payload \[kg\] that the estimator has weighed.
+/// The same for estimator and law [`designed`] for the description, settled at rest with an estimated
+/// payload \[kg\].
 ///
 /// Its friction slides, as that of its crane: friction that sticks is a spring to the estimator. With a
 /// crane that slides the loop would then be unstable.

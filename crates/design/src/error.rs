@@ -1,4 +1,4 @@
-//! What can go wrong in a design.
+//! Errors of a design.
 
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
@@ -50,7 +50,7 @@ pub enum DesignError {
     NoMode {
         /// Piston position.
         stroke_mm: f64,
-        /// What was found in its place.
+        /// The value found.
         reason: String,
     },
 }

@@ -61,8 +61,9 @@ impl ElasticLoad {
 /// `s v = a_x x + a_v v + a_p p` for the oil spring, in which the boom is rigid; with another a_p and `γ s² p` beside for the load. A boom without
 /// compliance by that is rigid.
 ///
-/// The frequencies belong to the natural frequency, which is only known afterwards: about a guess the fit has to have one that is near it. The first guess is the crane's load
-/// mode; soft oil may damp that so that it does not oscillate, and what oscillates then is the boom.
+/// The frequencies belong to the natural frequency, which is only known afterwards: about a guess the fit
+/// has to have one that is near it. The first guess is the crane's load mode. Soft oil may overdamp it, and
+/// the slowest oscillation is then the boom's.
 ///
 /// # Errors
 ///
@@ -103,7 +104,7 @@ fn fitted(
         let s = Complex::new(0.0, TAU * frequency);
         let responses = crane.responses(frequency)?;
         let (x, v, p) = (responses.position, responses.velocity, responses.pressure);
-        // each frequency weighs the same, whatever the size of the responses
+        // each frequency has the same weight, for any magnitude of the responses
         let (sv, sp) = (1.0 / (s * v).norm(), 1.0 / (s * p).norm());
         for (part, i) in [2 * k, 2 * k + 1].into_iter().enumerate() {
             let of = |z: Complex<f64>| if part == 0 { z.re } else { z.im };
@@ -173,7 +174,7 @@ mod tests {
         assert!((both / exact - 1.0).abs() < 0.02, "{both} Hz for {exact} Hz");
     }
 
-    /// So much viscous friction that the load does not oscillate on its oil: mass and spring are what they are without.
+    /// With viscous friction that overdamps the load mode, mass and spring are those without friction.
     #[test]
     fn an_overdamped_load_has_a_spring_too() {
         let mut crane = Description::uia_single_boom().unwrap();

@@ -10,7 +10,7 @@
 //!             -> tip (estimator of the tip's position), tip_survey (its numbers, fitted to a survey)
 //! ```
 
-// what runs in the control cycle cannot panic
+// code of the control cycle cannot panic
 #![deny(
     clippy::disallowed_methods,
     clippy::expect_used,

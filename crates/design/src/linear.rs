@@ -100,8 +100,8 @@ pub fn in_dead_band(a: &DMatrix<f64>, states: &[String]) -> bool {
     pair.is_some_and(|(cylinder, pump)| a[(cylinder, pump)] == 0.0)
 }
 
-/// Shape of the mode with the eigenvalue λ: how far each state swings, as complex numbers scaled so
-/// that the state `unit` is one. By inverse iteration beside λ.
+/// Shape of the mode with the eigenvalue λ: amplitude of each state, as complex numbers scaled so that the
+/// state `unit` is one. By inverse iteration beside λ.
 ///
 /// # Errors
 ///
@@ -144,7 +144,7 @@ pub fn response(
     transfer(a, b, c_row, Complex::new(0.0, std::f64::consts::TAU * frequency_hz))
 }
 
-/// `C (s − A)⁻¹ B`, for one row of C: response of an output to an input that rings and grows as e to the s t, s in \[1/s\].
+/// `C (s − A)⁻¹ B`, for one row of C: response of an output to an input e^(s t), s in \[1/s\].
 pub(crate) fn transfer(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,

@@ -137,7 +137,7 @@ impl LinearisedPlant {
         self.responses_at(Complex::new(0.0, TAU * frequency))
     }
 
-    /// Responses to a motor speed that rings and grows as e to the s t, s in \[1/s\].
+    /// Responses to a motor speed e^(s t), s in \[1/s\].
     ///
     /// # Errors
     ///

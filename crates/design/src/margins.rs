@@ -9,16 +9,19 @@ use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Lowest and highest frequency that is looked at \[Hz\], and points between them to begin with; resonances of the crane get their own.
+/// Lowest and highest frequency of the grid \[Hz\], and its initial number of points; resonances of the
+/// crane get their own.
 const FREQUENCIES: [f64; 2] = [0.02, 300.0];
 const POINTS: u32 = 600;
-/// Where 1 + L changes by more than this share of itself between two points, one more is looked at between them, so many times at most.
+/// Where 1 + L changes by more than this share of itself between two points, the interval is bisected, and
+/// the largest number of bisections.
 const CHANGE: f64 = 0.3;
 const HALVINGS: u32 = 30;
 /// Relative width at which a crossover or a least distance counts as found.
 const FOUND: f64 = 1e-9;
 
-/// What is between a commanded motor speed and the readings beside the crane itself: drive, fieldbus, sampling, position sensor.
+/// Dynamics between a commanded motor speed and the measurements, without the crane: drive, fieldbus,
+/// sampling, position sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuation {
     /// Dead time of fieldbus and sampling \[s\].
@@ -43,7 +46,7 @@ impl Actuation {
         }
     }
 
-    /// From a command to the motor's speed as it is read.
+    /// From a command to the measured motor speed.
     fn motor_speed(&self, s: Complex<f64>) -> Complex<f64> {
         let [lag, square] = self.drive;
         (-s * self.delay).exp() / (s * s * square + s * lag + 1.0)
@@ -59,14 +62,14 @@ pub enum Loop {
         controller: Benchmark<f64>,
         /// Time constant of its high-pass \[s\].
         high_pass: f64,
-        /// What is around it.
+        /// Its actuation and sensors.
         actuation: Actuation,
     },
     /// Scheduled LQR with its state estimator.
     ScheduledLqr {
         /// The controller.
         controller: Box<SmallSignalController>,
-        /// What is around it.
+        /// Its actuation and sensors.
         actuation: Actuation,
     },
 }
@@ -87,7 +90,8 @@ impl Loop {
         }
     }
 
-    /// Highest frequency at which it is a response of its own \[Hz\]: half the sampling frequency of a sampled controller.
+    /// Nyquist frequency \[Hz\]: half the sampling frequency of a sampled controller, infinite for a
+    /// continuous one.
     pub(crate) fn highest_frequency(&self) -> f64 {
         match self {
             Self::Benchmark { .. } => f64::INFINITY,
@@ -257,7 +261,7 @@ fn sampled(
 ) -> Result<Vec<Point>, DesignError> {
     let mut points: Vec<Point> = Vec::with_capacity(2 * frequencies.len());
     for frequency in frequencies {
-        // what is to be reached, nearest last
+        // limits to be reached, nearest last
         let mut ahead: Vec<(Point, u32)> = vec![((frequency, at(frequency)?), HALVINGS)];
         while let Some((to, halvings)) = ahead.pop() {
             let Some(from) = points.last().copied() else {
@@ -321,7 +325,8 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
 
-    /// ω²/(s² + 2 ζ ω s + ω²) of the motor's speed, integrated so many times, as position and as velocity, with no pressure.
+    /// ω²/(s² + 2 ζ ω s + ω²) of the motor's speed, integrated a number of times, as position and as
+    /// velocity, with no pressure.
     fn resonant(omega: f64, zeta: f64, is_integrated: bool) -> LinearisedPlant {
         let order = if is_integrated { 3 } else { 2 };
         let mut a = DMatrix::zeros(order, order);

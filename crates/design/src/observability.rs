@@ -34,7 +34,8 @@ pub struct Phase {
     pub begin_s: f64,
     /// End \[s\].
     pub end_s: f64,
-    /// By how much the phase alone brings down each state's standard deviation, in the order of [`MachineState::NAMES`].
+    /// Factor by which the phase alone reduces each state's standard deviation, in the order of
+    /// [`MachineState::NAMES`].
     pub reduction: [f64; STATES],
     /// Singular values of the scaled observability Gramian, the largest first.
     pub singular_values: [f64; STATES],

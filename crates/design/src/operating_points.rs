@@ -123,7 +123,7 @@ impl OperatingPoints {
             let below = at(position - step)?.load_pressure();
             let above = at(position + step)?.load_pressure();
             let flows = crane.flows(&Input { pump_speed: 0.0, holding_valve: 1.0 });
-            // what leaves side A has to be delivered again
+            // the leakage of side A has to be delivered again
             let lost = flows.internal_leakage + flows.case_leakage_a + flows.bleed;
             let equilibrium = Equilibrium {
                 load_pressure: crane.load_pressure(),

@@ -93,7 +93,7 @@ fn fit<const POWERS: usize>(
     samples: &[Sample],
     of: impl Fn(&Sample) -> (f64, f64),
 ) -> Result<[Polynomial<f64>; POWERS], DesignError> {
-    // payload over the heaviest, so that columns are alike
+    // payload over the heaviest, so that columns have similar scales
     let maximum_payload = samples.iter().map(|s| s.payload).fold(1.0, f64::max);
     let mut rows = DMatrix::zeros(samples.len(), POWERS * COEFFICIENTS);
     let mut values = DVector::zeros(samples.len());

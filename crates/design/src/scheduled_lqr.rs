@@ -15,7 +15,8 @@ use hydroboom_description::Description;
 use hydroboom_math::Real;
 use std::f64::consts::TAU;
 
-/// The state estimator of the crane of a description, for measurements and commands that are late by so many cycles each.
+/// The state estimator of the crane of a description, for measurements and commands that are delayed by a
+/// number of cycles each.
 pub fn state_estimator(
     description: &Description,
     model: &ReducedModel<f64>,
@@ -26,7 +27,7 @@ pub fn state_estimator(
     // where the crane file has no sensors, those of its virtual crane
     let (equipped, _) = description.virtual_crane();
     let sensors = &equipped.numbers;
-    // a range is taken for a uniform distribution
+    // a range is assumed to be a uniform distribution
     let deviation = |low: f64, high: f64| (high - low) / 12_f64.sqrt();
     let middle = model.at(model.half_stroke, n.payload);
     let per_kg = {
@@ -193,7 +194,7 @@ pub fn known_delay(description: &Description) -> u32 {
     equipped.numbers.fieldbus_delay.round() as u32
 }
 
-/// Estimator and law, for measurements and commands that are late by so many cycles each.
+/// Estimator and law, for measurements and commands that are delayed by a number of cycles each.
 ///
 /// # Errors
 ///

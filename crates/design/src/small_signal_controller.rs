@@ -24,7 +24,7 @@ pub const READINGS: usize = 3;
 const READING_SIZES: [f64; READINGS] = [1e-4, 1e4, 1.0];
 /// Sizes of the states that are alike, in the order of [`MachineState`].
 const STATE_SIZES: [f64; STATES] = [1e-4, 1e-3, 1e4, 1e4, 1e4, 0.1, 1.0, 1e5];
-/// Small against what the controller limits.
+/// Small against the controller's limits.
 const SMALL: f64 = 1e-3;
 /// Periods in which the covariance settles, 3 s. Margins and growing poles are the same after 0.5 s and after 12 s;
 /// after 1 s a response is off by up to 5 %.
@@ -182,7 +182,7 @@ mod tests {
     use hydroboom_description::Description;
     use std::f64::consts::TAU;
 
-    /// The controller itself is shown small sines for so long that only they are left.
+    /// The controller itself has small sines as input, until the transient has decayed.
     #[test]
     fn it_answers_sines_as_the_controller_does() {
         let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();

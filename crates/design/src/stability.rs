@@ -13,7 +13,8 @@ use std::fmt;
 /// Piston positions at which margins are shown, as shares of the stroke.
 pub const POSITIONS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
-/// Piston positions at which stability is judged: so many, evenly from the first to the last of [`POSITIONS`], which are among them.
+/// Number of piston positions at which stability is judged, evenly from the first to the last of
+/// [`POSITIONS`], which are among them.
 pub const JUDGED_POSITIONS: usize = 19;
 
 /// Those positions, as shares of the stroke.
@@ -29,7 +30,7 @@ fn judged_positions() -> impl Iterator<Item = f64> {
 pub enum Equipment {
     /// The drive's lag and the fieldbus's delay that the controllers expect before anything is identified: a machine like the model.
     Expected,
-    /// None: the motor turns as it is told, and readings come at once.
+    /// None: the motor has its commanded speed, and measurements have no delay.
     Ideal,
     /// Those of the plant's crane file.
     Plant,
@@ -50,11 +51,11 @@ impl fmt::Display for Equipment {
 pub struct LoopStability {
     /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
     pub controller: &'static str,
-    /// What it is closed through.
+    /// Equipment in the loop.
     pub equipment: Equipment,
     /// Whether no pole of the closed loop grows, so fast that it doubles within 35 s, at any of the positions.
     pub stable: bool,
-    /// Piston positions that were looked at.
+    /// Judged piston positions.
     pub judged_at_mm: Vec<f64>,
     /// Those at which one does.
     pub unstable_at_mm: Vec<f64>,
@@ -100,13 +101,14 @@ impl LoopStability {
         self.controller == BENCHMARK
     }
 
-    /// Whether a strategy steers through this loop; the benchmark that the scheduled LQR falls back on is not what it steers through.
+    /// Whether this is the loop of a strategy. The benchmark, the fallback of the scheduled LQR, is not its
+    /// loop.
     pub fn is_of(&self, strategy: Strategy) -> bool {
         closed_by(strategy).contains(&self.controller)
     }
 }
 
-/// Loops that a strategy steers through.
+/// Loops of a strategy.
 fn closed_by(strategy: Strategy) -> &'static [&'static str] {
     match strategy {
         Strategy::VelocityFeedforward => &[],
@@ -174,7 +176,8 @@ fn equipment_of(machine: Option<&Description>) -> Equipment {
     }
 }
 
-/// The same of the scheduled LQR, designed for the model, its payload weighed, and oil and drive of the machine identified.
+/// The same of the scheduled LQR, designed for the model, with the machine's payload estimated, and its oil
+/// and drive identified.
 ///
 /// # Errors
 ///
@@ -267,12 +270,14 @@ pub fn stability_of(
     Ok(loops)
 }
 
-/// What is to be said of loops that are [stable with the lags that the controllers expect](stable_with_expected_lags), beside those that are not without them.
+/// Remark on loops that are [stable with the lags that the controllers expect](stable_with_expected_lags),
+/// and unstable without them.
 pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = stable.iter().map(|of| of.controller).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: the difference is that delay. `--plant virtual` runs on a machine with it",
+            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: the difference is that \
+             delay. `--plant virtual` runs on a machine with it",
             Equipment::Expected.to_string().replacen('w', "W", 1),
             names.join(" and of the ")
         )
@@ -291,7 +296,7 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     })
 }
 
-/// What a controller of a model knows that has identified a crane's oil and drive.
+/// Description known to a controller of a model after identification of a crane's oil and drive.
 pub fn with_identified(model: &Description, crane: &Description) -> Description {
     let mut known = model.clone();
     let n = &mut known.numbers;
@@ -346,8 +351,8 @@ mod tests {
         assert!(scheduled_lqr_stability(&light, None).unwrap().stable);
     }
 
-    /// The law counts on the lags of drive and fieldbus, and leads too much where there are none: a payload at 9 m leaves it no margin for that. The run on the
-    /// ideal plant swings its motor at 22 Hz.
+    /// The design assumes the lags of drive and fieldbus, and has too much phase lead without them: with a
+    /// payload at 9 m no margin remains for that. On the ideal plant the motor oscillates at 22 Hz.
     #[test]
     fn a_loop_is_judged_with_the_equipment_that_it_is_closed_through() {
         let paper = Description::uia_single_boom().unwrap();

@@ -18,13 +18,13 @@ use hydroboom_model::hydraulics::Oil;
 use hydroboom_plant::plant;
 use std::f64::consts::TAU;
 
-/// Positions over the stroke at which the load is weighed.
+/// Positions over the stroke at which the load pressure is computed.
 const POSITIONS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// Averaging window of the position during a release, in periods of control.
 const WINDOW_PERIODS: f64 = 20.0;
 /// Rate at which the pump side's pressure is held during the proof \[1/s\]: slow against the drive.
 const HOLDING_RATE: f64 = 10.0;
-/// Motion that may be asked for where the position scatters, over the motion of a quiet one.
+/// Largest proving motion with a noisy position, over that with a quiet one.
 const LARGEST_MOTION: f64 = 5.0;
 /// Fast filling, far below the load's pressure, over slow filling.
 const FAST: f64 = 4.0;
@@ -47,7 +47,7 @@ const MISSED: f64 = 0.25;
 /// 0.25 to 0.5 %.
 const TRANSDUCER_ERROR: f64 = 5e-3;
 
-/// What the load asks of the cylinder over the stroke and the ranges of a crane file.
+/// Cylinder forces of the load over the stroke and the ranges of a crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadPressure {
     /// +1 where the piston side carries the load, −1 where the rod side does.
@@ -72,11 +72,11 @@ struct Derivation {
 
 /// Limits and monitors of a crane as described, for a course at a speed \[m/s\].
 ///
-/// Typical equipment stands in where the file leaves drive, valve, sensors or fieldbus out.
+/// Typical equipment is used where the file omits drive, valve, sensors or fieldbus.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot rest, or has no mode in which its load rings.
+/// [`DesignError`] when the crane cannot rest, or has no load mode.
 pub fn limits(model: &Description, speed: f64) -> Result<Limits, DesignError> {
     Ok(Derivation::of(model)?.limits(speed))
 }
@@ -119,7 +119,7 @@ pub fn framed_scheduled_lqr(model: &Description) -> Result<FramedScheduledLqr<f6
     Ok(FramedScheduledLqr { frame, estimator, law, area_ratio })
 }
 
-/// What the load asks of the cylinder.
+/// Cylinder forces of the load.
 ///
 /// # Errors
 ///
@@ -161,7 +161,7 @@ fn weigh(
     let against: Vec<f64> = forces.iter().map(|force| direction * force).collect();
     let least = against.iter().copied().fold(f64::INFINITY, f64::min);
     let most = against.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    // the other chamber pushes back with what is shut in there
+    // the trapped pressure of the other chamber acts against it
     let (area, other) = match direction > 0.0 {
         true => (cylinder.piston_area, cylinder.rod_side_area),
         false => (cylinder.rod_side_area, cylinder.piston_area),
@@ -186,7 +186,7 @@ impl Derivation {
         Ok(Self { low: ranges.low, high: ranges.high, swing, load, model })
     }
 
-    /// Time from the pump's turning to what is read of it, with an averaging window \[s\].
+    /// Time from the pump's motion to its measurement, with an averaging window \[s\].
     fn reaction_time(&self) -> f64 {
         let n = &self.model.numbers;
         WINDOW_PERIODS * n.control_period

@@ -49,7 +49,8 @@ mod tests {
     use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
     use hydroboom_control::estimation::tip::TipMemory;
 
-    /// The payload's mean begins anew with a load change, and with what is no number; what it is off the present payload widens the bounds.
+    /// The payload's mean is initialised again by a load change, or by a value that is not a number. Its
+    /// difference from the present payload widens the bounds.
     #[test]
     fn the_payload_of_the_tip_is_a_mean_since_the_last_load_change() {
         let description = Description::uia_single_boom().unwrap();
@@ -76,7 +77,7 @@ mod tests {
         state.estimate.payload = 240.0;
         let payload = go_on(&state, 1000);
         assert!((payload - 220.0).abs() < 2.0, "{payload} kg");
-        // its numbers taken for exact, so that only the filter's errors are left
+        // its numbers assumed exact, so that only the filter's errors remain
         let exact = TipEstimator { covariance: [[0.0; 3]; 3], ..tip };
         let deviation = |payload: f64| {
             let memory = TipMemory { payload, weight: 1.0 };

@@ -1,13 +1,15 @@
 //! Survey of a crane's tip, and the numbers of the tip's estimator fitted to it.
 //!
-//! A survey is a CSV file, a line a pose at rest: piston position that is read, payload that was weighed, tip as surveyed from the boom's bearing. Weighted least squares
-//! with the stated spread of the numbers as a prior:
+//! A survey is a CSV file, a line a pose at rest: measured piston position, weighed payload, tip as
+//! surveyed from the boom's bearing. Weighted least squares with the stated spread of the numbers as a
+//! prior:
 //!
 //! ```text
 //! θ = argmin Σ (t_i − t(θ))²/(s_i² + r²) + (θ − θ_0)' P_0⁻¹ (θ − θ_0),   P = (P_0⁻¹ + J' R⁻¹ J)⁻¹
 //! ```
 //!
-//! with surveyed coordinates t of standard deviation s, and r what the model leaves out. Bending and base lower the tip nearly alike: a survey tells their sum well, and each hardly.
+//! with surveyed coordinates t of standard deviation s, and r of the model's error. Bending and base lower
+//! the tip nearly alike: a survey determines their sum well, and each alone hardly.
 //!
 //! Source: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 4.1 (least squares with a prior).
 
@@ -34,9 +36,9 @@ pub enum SurveyError {
     Wrong {
         /// File, and line where it is of one.
         place: String,
-        /// What was read, and what is allowed.
+        /// Value, and allowed values.
         reason: String,
-        /// What to do.
+        /// Advice.
         advice: String,
     },
     /// A crane whose tip is not estimated.
@@ -58,7 +60,7 @@ pub struct SurveyPoint {
     pub line: usize,
     /// Piston position that is read \[m\].
     pub stroke: f64,
-    /// Payload that was weighed \[kg\].
+    /// Weighed payload \[kg\].
     pub payload: f64,
     /// Tip, to the right of the bearing and above it \[m\].
     pub tip: [f64; 2],
@@ -86,9 +88,9 @@ pub struct TipSurvey {
 pub struct SurveyFit {
     /// The estimator with them.
     pub estimator: TipEstimator<f64>,
-    /// What of their covariance is the survey's noise alone.
+    /// Part of their covariance due to the survey's noise alone.
     pub noise: Covariance<f64, PARAMETERS>,
-    /// RMS of what is left at the poses, across the boom \[m\].
+    /// RMS residual at the poses, across the boom \[m\].
     pub residual: f64,
     /// Line of the pose that fits worst, and how many of its standard deviations it is off.
     pub worst: (usize, f64),
@@ -203,7 +205,7 @@ impl TipSurvey {
         text + "\n"
     }
 
-    /// Numbers of the tip's estimator of a crane, fitted; what the crane file states of them is the prior.
+    /// Fitted numbers of the tip's estimator of a crane. Those of the crane file are the prior.
     ///
     /// # Errors
     ///
@@ -228,7 +230,7 @@ impl TipSurvey {
             for point in &self.points {
                 let found = estimator.model.position(&estimator.parameters, &point.load());
                 let (slopes, _) = estimator.slopes(&point.load());
-                // what the model leaves out is across the boom
+                // the model's error is across the boom
                 for (direction, model_error) in
                     directions(found).into_iter().zip([0.0, prior.remainder])
                 {
@@ -248,7 +250,7 @@ impl TipSurvey {
             estimator.parameters = TipParameters::from_array(numbers.into());
         }
         let posterior = (information + survey_information).try_inverse().ok_or_else(no_fit)?;
-        // of the survey's noise alone: the estimator has the model's error once more
+        // of the survey's noise alone: the estimator adds the model's error itself
         let noise = posterior * by_survey * posterior;
         let unscaled = |of: &Matrix3<f64>| -> Covariance<f64, PARAMETERS> {
             std::array::from_fn(|i| std::array::from_fn(|j| of[(i, j)] * scale[i] * scale[j]))
@@ -346,7 +348,7 @@ mod tests {
         assert!(fit.residual < 1e-7, "{}", fit.residual);
     }
 
-    /// A survey of a millimetre tells the sum of bending and base, and not each.
+    /// A survey of a millimetre determines the sum of bending and base, not each.
     #[test]
     fn bending_and_base_are_told_together() {
         let as_stated = tip_of(&crane()).unwrap();
@@ -375,7 +377,7 @@ mod tests {
         }
     }
 
-    /// File, line, column, what was read and what is allowed.
+    /// File, line, column, value and allowed values.
     #[test]
     fn bad_surveys_are_refused_with_file_and_line() {
         let good = survey(&tip_of(&crane()).unwrap().parameters, 1e-3).text();

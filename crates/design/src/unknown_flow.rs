@@ -1,4 +1,5 @@
-//! State estimator of a valve-controlled crane: no motor speed tells the flow, so the flow into the piston side is an unknown input.
+//! State estimator of a valve-controlled crane: the flow is not known from a motor speed, so the flow into
+//! the piston side is an unknown input.
 //!
 //! The reduced model's statics, equivalent mass and boom compliance are those of boom and cylinder and do
 //! not depend on the circuit. They are fitted with the boom on the circuit of the paper's crane. The pump

@@ -14,10 +14,11 @@ pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 /// crane get their own.
 const HIGHEST: f64 = 400.0;
 const POINTS: u32 = 800;
-/// Places about a resonance that are looked at, in half widths at half power.
+/// Grid points about a resonance, in half widths at half power.
 const ABOUT_RESONANCE: [f64; 5] = [-3.0, -1.0, 0.0, 1.0, 3.0];
 
-/// Where the loop turns by more between two points \[rad\], one more is looked at between them, so many times at most.
+/// Largest turn of the loop between two points \[rad\], beyond which the interval is bisected, and the
+/// largest number of bisections.
 const TURN: f64 = 0.5;
 const HALVINGS: u32 = 40;
 /// Share of half a turn by which the contour may miss a whole number of half turns. Beyond it the loop's
@@ -95,7 +96,7 @@ pub(crate) fn about_resonances(
     })
 }
 
-/// By how much 1 + L turns between two frequencies \[rad\].
+/// Angle by which 1 + L turns between two frequencies \[rad\].
 fn turn(
     at: &impl Fn(f64) -> Result<Complex<f64>, DesignError>,
     from: (f64, Complex<f64>),

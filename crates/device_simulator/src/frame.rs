@@ -82,7 +82,7 @@ impl Command {
 /// One datagram within a frame, open for change.
 #[derive(Debug)]
 pub struct Datagram<'a> {
-    /// What is asked.
+    /// Command of the datagram.
     pub command: Command,
     /// Address: position or station, then physical memory; or both together a logical address.
     pub address: &'a mut [u8; 4],

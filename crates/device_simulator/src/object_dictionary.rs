@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 /// Who may change an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectAccess {
-    /// Nobody but the device.
+    /// Only the device.
     ReadOnly,
     /// The main device, in any state with a mailbox.
     ReadWrite,

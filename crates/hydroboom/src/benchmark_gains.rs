@@ -78,7 +78,8 @@ pub fn run(
     text += &format!(
         "\nThe largest K_i with a sensitivity of M_s <= {} and K_i <= K_p^2 (Astrom, Panagopoulos, Hagglund 1998). \
          It holds for all payloads of the range and positions from 5 to 95 % of the stroke.\n\
-         M_s, PM and GM are each the worst of these; at the payload and position named M_s is largest, or the loop unstable.",
+         M_s, PM and GM are each the worst of these; at the payload and position named M_s is largest, or the \
+         loop unstable.",
         design.sensitivity_peak
     );
     if let Some(path) = out {
@@ -170,7 +171,8 @@ pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     Ok(said.map(|said| {
         format!(
             "the benchmark runs with the crane file's gains, which are not tuned for payloads of {:.0} to {:.0} kg ({said}). \
-             `hydroboom design --benchmark` designs some; `motion` uses those instead of placeholders and of the paper's gains",
+             `hydroboom design --benchmark` designs some; `motion` uses those instead of placeholders and of the \
+             paper's gains",
             payload[0], payload[1]
         )
     }))

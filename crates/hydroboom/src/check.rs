@@ -247,7 +247,8 @@ fn found(description: &Description, pressures: &[(f64, f64)]) -> Vec<String> {
     }
     found.push(format!(
         "the load pressure lies in the oil's soft range: its bulk modulus is {} of the largest; oil.transition_bar = {:.1}, \
-         oil.transition_width_bar = {:.1}. The load oscillates slowly there, a little air changes its frequency much, and gains have to be lower",
+         oil.transition_width_bar = {:.1}. The load oscillates slowly there, a little air changes its frequency \
+         much, and gains have to be lower",
         soft.join(", "),
         n.transition * 1e-5,
         n.transition_width * 1e-5

@@ -100,7 +100,8 @@ impl Design {
         );
         text += "\n\
             PM phase margin, GM gain margin, d modulus margin (smallest distance from -1). \
-            The machine equals the model, with the lags of drive and fieldbus that the controllers expect before identification.";
+            The machine equals the model, with the lags of drive and fieldbus that the controllers expect before \
+            identification.";
         text += &format!(
             "\nPayload {:.0} kg, load-holding valve open, sliding friction, {:.0} bar at the rod side; `eigen` has the load held.",
             crane.numbers.payload,
@@ -148,7 +149,8 @@ impl Design {
             })
             .collect();
         output::text(&format!(
-            "{}: factor by which a phase of the motion at {:.0} mm/s alone reduces the standard deviation of a state, without process noise; 1.0: not excited\n{}",
+            "{}: factor by which a phase of the motion at {:.0} mm/s alone reduces the standard deviation of a \
+             state, without process noise; 1.0: not excited\n{}",
             crane.name,
             crane.numbers.fast * 1e3,
             output::table(&header, &rows)

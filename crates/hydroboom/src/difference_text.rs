@@ -25,7 +25,8 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     let symbol = d.signal.symbol();
     if let Some(far) = d.unresolved {
         return format!(
-            "{symbol}: not judged. The log's samples are {:.0} ms apart, which is too coarse for the model's oscillation at {:.2} Hz.",
+            "{symbol}: not judged. The log's samples are {:.0} ms apart, which is too coarse for the model's \
+             oscillation at {:.2} Hz.",
             far.interval * 1e3,
             far.frequency
         );
@@ -97,7 +98,8 @@ pub fn of_input(fault: &SignalFault) -> Option<String> {
             "a column that was recorded late, or a valve that is faster than the model's (valve.bandwidth_hz)"
         }
         (Signal::ValveCommand, false) => {
-            "a valve that responds later than the model's (dead time, valve.bandwidth_hz), or a common delay of these signals"
+            "a valve that responds later than the model's (dead time, valve.bandwidth_hz), or a common delay of \
+             these signals"
         }
         (Signal::MotorCommand, _) => {
             "the motor's speed was not recorded, and the drive follows its command later"
@@ -106,7 +108,8 @@ pub fn of_input(fault: &SignalFault) -> Option<String> {
         (_, false) => "a command in place of the speed, or a common delay of these signals",
     };
     Some(format!(
-        "{}: {:.1} ms {way} relative to {}. This explains most of their differences: {why}. No sensor is assumed to be {} ([log.{}] delay_ms {:+.1}).",
+        "{}: {:.1} ms {way} relative to {}. This explains most of their differences: {why}. No sensor is assumed \
+         to be {} ([log.{}] delay_ms {:+.1}).",
         fault.signal.symbol(),
         late.abs() * 1e3,
         listed(&fault.explains),
@@ -287,7 +290,8 @@ fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     let why = if let Some(input) = context.faults.iter().find(is_of_input) {
         format!(", due to the delay of {}", input.signal.symbol())
     } else if context.found.iter().all(is_alone) {
-        ": a delay of sensor or fieldbus (delay_ms in the mapping), or of the machine's input; no other signal shows which".into()
+        ": a delay of sensor or fieldbus (delay_ms in the mapping), or of the machine's input; no other signal \
+         shows which".into()
     } else if delay > 0.0 {
         ": a delay of sensor or fieldbus (delay_ms in the mapping)".into()
     } else {
@@ -312,7 +316,8 @@ fn oscillation(d: &Difference, own: &[&Judgement]) -> Vec<String> {
     let of = |j: &&Judgement| match (j.aspect, log.damping, model.damping) {
         // with such a difference it may not be the same mode
         (Aspect::Frequency, ..) if !is_same_mode => Some(format!(
-            "oscillates at {of_log:.2} Hz, the model at {of_model:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates"
+            "oscillates at {of_log:.2} Hz, the model at {of_model:.2} Hz: a load, a lever or a stiffness that is \
+             far from the crane file's, or something else that vibrates"
         )),
         (Aspect::Frequency, ..) => {
             let how = if j.found < 0.0 { "stiffer, or lighter," } else { "softer, or heavier," };

@@ -45,7 +45,7 @@ impl Source {
         }
     }
 
-    /// Whether nothing is known of the machine but what its sensors tell.
+    /// Whether only the sensors of the machine are known.
     pub fn is_attached(self) -> bool {
         matches!(self, Self::Udp | Self::EtherCat)
     }

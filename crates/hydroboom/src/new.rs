@@ -39,8 +39,8 @@ fn head(whose: &str) -> String {
 /// Comment above the supervision limits.
 const SUPERVISION: &str = "\
 # Limits of the supervision; `hydroboom supervision` shows what else follows from this file.
-# holding_valve.check_function = \"none\" says that a shut load-holding valve lets nothing pass,
-# switching_valve.position_switch = \"fitted\" that its state can be read.
+# holding_valve.check_function = \"none\": a shut load-holding valve blocks flow in both directions.
+# switching_valve.position_switch = \"fitted\": its state is measured.
 ";
 
 /// Write a complete crane file to start from: the paper's crane, or one on a proportional valve.

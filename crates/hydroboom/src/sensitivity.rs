@@ -223,7 +223,8 @@ impl Found {
 
 /// Explanation of the columns.
 const ENDS: &str = "less, more: the ends of the key's prior range, by its provenance, and the output of the machine re-run there \
-    (-: no such machine exists, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
+    (-: no such machine exists, or it cannot follow).\n% per %: exact slope at the described machine. The ten \
+    keys of the largest change";
 
 fn said(found: &Found) -> String {
     let mut said = String::new();
@@ -374,7 +375,8 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
             ))
             @if let Some(svg) = sobol {
                 (figure(
-                    "Total Sobol index: share of the output's variance that remains if all other keys are known, with its 95 % interval.",
+                    "Total Sobol index: share of the output's variance that remains if all other keys are known, \
+                     with its 95 % interval.",
                     svg,
                 ))
             }

@@ -125,7 +125,8 @@ impl Tip {
         });
         output::text(&format!(
             "{} poses of {name} on \"{}\"; left at them {:.2} mm RMS, most at line {line}: {worst:.1} standard deviations\n{}\n\n\
-             Bending and base lower the tip nearly alike: the survey determines their sum, and each alone only by its stated spread (correlation {:.2}).\n\
+             Bending and base lower the tip nearly alike: the survey determines their sum, and each alone only by \
+             its stated spread (correlation {:.2}).\n\
              The survey's noise leaves of the tip's height at {:.0} mm/s, median (5 .. 95 %), worst of 200 surveys: bias {} mm, RMS about it {} mm{written}",
             survey.points.len(),
             crane.name,

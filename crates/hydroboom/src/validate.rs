@@ -110,7 +110,7 @@ impl Validate {
                 said += &format!("\n{input}");
             }
             if let Some(mended) = &part.mended {
-                said += &format!("\n{MENDED} {}", verdict_text::said(mended));
+                said += &format!("\n{AFTER_CORRECTION} {}", verdict_text::said(mended));
             }
             if let Some(advice) = &part.advice {
                 said += &format!("\n{advice}");
@@ -184,7 +184,7 @@ fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
 }
 
 /// Text before the verdict on the corrected log, in which keys are searched.
-const MENDED: &str = "With that mended:";
+const AFTER_CORRECTION: &str = "After this correction:";
 
 /// Remark on an initial accumulator pressure that differs from the crane file's, unless another low-side
 /// pressure explains it.
@@ -218,7 +218,8 @@ const HEADER: [&str; 10] = [
 /// Index of the frequencies among the columns.
 const RINGS: usize = 7;
 /// Note on frequencies in brackets.
-const SPECTRUM: &str = "(...): this frequency is not judged. It is a peak of the spectrum without a fitted decaying oscillation, or the oscillation decays within fewer than four periods.";
+const SPECTRUM: &str = "(...): this frequency is not judged. It is a peak of the spectrum without a fitted \
+    decaying oscillation, or the oscillation decays within fewer than four periods.";
 
 fn row(finding: &Finding) -> Vec<String> {
     let d = &finding.difference;
@@ -351,7 +352,7 @@ fn page(
         }
         CircuitChoice::ValveControlled => {
             "the log's valve command, supply and tank pressure. It starts at rest at the log's piston position with the log's pressures, \
-                  if friction can carry the remaining load"
+                  as far as friction carries the remaining load"
         }
     };
     let body = html! {
@@ -364,7 +365,7 @@ fn page(
         h2 { "Findings" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         @for part in parts { @for input in &part.inputs { p { (input) (of_segment(parts, &part.experiment)) } } }
-        @for part in parts { @if let Some(mended) = &part.mended { p { (MENDED) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
+        @for part in parts { @if let Some(mended) = &part.mended { p { (AFTER_CORRECTION) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
         @for part in parts { @if let Some(advice) = &part.advice { p { (advice) (of_segment(parts, &part.experiment)) } } }
         p.soft {
             "Candidate keys follow from exact derivatives and are tested by running the model with that key changed: "
@@ -384,7 +385,8 @@ fn page(
             } } }
         } }
         p.soft {
-            "Fit: 100 % less the share of the log's own standard deviation that the model misses. Coloured: share of the difference's autocorrelations, up to a "
+            "Fit: 100 % less the share of the log's own standard deviation that the model misses. Coloured: share \
+             of the difference's autocorrelations, up to a "
             "second, outside the 95 % band of white noise; 0.05 for white noise."
             @if findings().any(|(_, finding)| row(finding)[RINGS].contains('(')) { " " (SPECTRUM) }
             @if is_published { " The paper's numbers are of its own crane at 120 mm/s." }

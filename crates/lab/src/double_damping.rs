@@ -59,7 +59,7 @@ impl DoubleDamping {
 }
 
 /// Result of a controller: tracking error, whether it came to rest, and why it stopped.
-type Came = (TrackingError, bool, Option<String>);
+type ControllerResult = (TrackingError, bool, Option<String>);
 
 /// Compares the three controllers along a course. Two come from `runs` on the plant, if both were run along
 /// it; the one that damps once is simulated. `plant_name` is for the table.
@@ -74,7 +74,7 @@ pub fn double_damping(
     course: &dyn Course,
     runs: &[Run],
 ) -> Result<DoubleDamping, LabError> {
-    let known = |strategy| -> Result<Came, LabError> {
+    let known = |strategy| -> Result<ControllerResult, LabError> {
         let of = |run: &Run| {
             let error = match run.stopped {
                 None => run.metrics().tracking_error(),

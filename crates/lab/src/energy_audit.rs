@@ -8,7 +8,8 @@ use serde::Serialize;
 
 /// Definition of pump work, for a table.
 pub const PUMP_WORK: &str = "\
-Pump work: the power of the pump on the oil (flow times pressure at both ports), integrated over the cycle. Power that the oil returns counts negative. \
+Pump work: the power of the pump on the oil (flow times pressure at both ports), integrated over the cycle. Power \
+that the oil returns counts negative. \
 Exchanged: the same power's magnitude, integrated.";
 
 /// Balance up to one time of the cycle.

@@ -290,7 +290,7 @@ fn count(model: &Description, course: &dyn Course) -> usize {
     (course.duration() / model.numbers.control_period) as usize + 2
 }
 
-/// The frequency \[Hz\] at which p_A rings after the start of the cruise, from a velocity
+/// The frequency \[Hz\] at which p_A oscillates after the start of constant velocity, from a velocity
 /// feedforward run.
 ///
 /// # Errors

@@ -43,7 +43,7 @@ const HELLO_HEAD: usize = 16;
 /// Bytes of an axis in a hello: lowest and highest of each measured signal.
 const HELLO_AXIS: usize = 16 * MEASURED.len();
 
-/// What comes before the body.
+/// Header before the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Header {
     /// Session: 64 random bits that the controller has chosen.
@@ -85,7 +85,8 @@ impl Peer {
     }
 }
 
-/// A hello: the machine asks for a session with one of session 0, and the controller begins it with its own.
+/// A hello: the machine requests a session with one of session 0, and the controller begins it with its
+/// own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hello {
     /// Who sends it.
@@ -96,11 +97,11 @@ pub struct Hello {
     pub newest_version: u16,
     /// Axes.
     pub axes: usize,
-    /// Lowest and highest value of each measured signal, in SI units; what is not known is not finite.
+    /// Lowest and highest value of each measured signal, in SI units; unknown values are not finite.
     pub ranges: [[[f64; 2]; MEASURED.len()]; MOST_AXES],
 }
 
-/// What is measured of an axis.
+/// Measurement of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeasuredAxis {
     /// The signals, in the order of [`MEASURED`], in SI units, speeds in rev/s.
@@ -111,7 +112,7 @@ pub struct MeasuredAxis {
     pub valve: ValveState,
 }
 
-/// What is commanded of an axis.
+/// Command to an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommandedAxis {
     /// Motor speed \[rev/s\].
@@ -164,7 +165,7 @@ pub enum Dropped {
     /// It does not begin as ours do.
     #[error("no datagram of this interface")]
     Magic,
-    /// Of a version that is not spoken here.
+    /// Of another version.
     #[error("version {0}; {VERSION} is spoken here")]
     Version(u16),
     /// Its length is not what it states, or not that of its kind.
@@ -186,7 +187,7 @@ const HELLO: u8 = 1;
 const MEASUREMENT: u8 = 2;
 const COMMAND: u8 = 3;
 
-/// Bytes being written; what does not fit is left out, which a length that is no datagram's shows.
+/// Bytes being written. Bytes that do not fit are omitted, which an invalid length shows.
 struct Writer<'a> {
     bytes: &'a mut [u8; LONGEST],
     length: usize,

@@ -6,7 +6,7 @@ use std::time::Duration;
 /// Time without an accepted command after which a machine stops its motor and shuts its load-holding valve by itself.
 pub const WATCHDOG: Duration = Duration::from_millis(20);
 
-/// Datagrams by what became of them.
+/// Counts of datagrams by their fate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Accepted.
@@ -21,7 +21,7 @@ pub struct Counters {
     pub sequence: u64,
     /// With a number that is not finite.
     pub not_finite: u64,
-    /// Sequence numbers that were never seen: datagrams that were lost.
+    /// Sequence numbers that never arrived: lost datagrams.
     pub lost: u64,
 }
 
@@ -32,18 +32,18 @@ impl Counters {
     }
 }
 
-/// What is accepted within a session.
+/// Acceptance of datagrams within a session.
 #[derive(Clone, Copy, Debug)]
 pub struct Session {
     number: u64,
     sent: u64,
     received: u64,
-    /// What became of datagrams so far.
+    /// Counts of datagrams so far.
     pub counters: Counters,
 }
 
 impl Session {
-    /// A session of a number, in which nothing was sent.
+    /// A session with a number, before its first datagram.
     pub fn new(number: u64) -> Self {
         Self { number, sent: 0, received: 0, counters: Counters::default() }
     }
@@ -59,7 +59,8 @@ impl Session {
         Header { session: self.number, sequence: self.sent, received: self.received, clock }
     }
 
-    /// Takes a datagram; none where it is dropped, which is counted. What is dropped must not feed a watchdog.
+    /// Takes a datagram; none where it is dropped, which is counted. A dropped datagram must not feed a
+    /// watchdog.
     pub fn accept(&mut self, bytes: &[u8]) -> Option<(Header, Body)> {
         let counters = &mut self.counters;
         let (header, body) = match decode(bytes) {

@@ -9,7 +9,7 @@ use hydroboom_math::{Real, record};
 /// run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crane<T, const N: usize, C = SelfContained<T>> {
-    /// What moves the cylinder.
+    /// Circuit of the cylinder.
     pub circuit: C,
     /// Cylinder.
     pub cylinder: Cylinder<T>,
@@ -28,7 +28,7 @@ pub struct CraneState<T, const N: usize, S = CircuitState<T>> {
     pub boom: BoomState<T, N>,
     /// Bristle deflection of the friction law \[m\]; zero for laws without memory.
     pub bristle: T,
-    /// What the circuit remembers: its pressures, above all.
+    /// State of the circuit: mainly its pressures.
     pub circuit: S,
 }
 
@@ -39,12 +39,12 @@ pub struct CraneRates<T, const N: usize, S = CircuitState<T>> {
     pub angular_acceleration: [T; N],
     /// Rate of the bristle deflection \[m/s\].
     pub bristle: T,
-    /// Rates of what the circuit remembers, each in its unit per second.
+    /// Rates of the circuit's state, each in its unit per second.
     pub circuit: S,
 }
 
 record! {
-    /// What acts on the crane from outside, held over a step.
+    /// Input of the crane, constant over a step.
     pub struct Input<T> {
         /// Pump speed n, positive when it delivers to the piston side
         #[unit = "rev/s"]
@@ -56,7 +56,7 @@ record! {
 }
 
 record! {
-    /// What can be seen of a crane: measured quantities first.
+    /// Outputs of a crane: measured quantities first.
     pub struct Outputs<T> {
         /// Piston position from the lower stop, x_cyl
         #[unit = "m"]
@@ -201,7 +201,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
 }
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// What can be seen of the crane in this state.
+    /// Outputs of the crane in this state.
     pub fn outputs(&self, state: &CraneState<T, N>) -> Outputs<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);

@@ -31,7 +31,7 @@ const FINEST: f64 = 0.01;
 /// Most parts of a step.
 pub const MOST_PARTS: u32 = 20;
 
-/// What a drive remembers.
+/// State of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveState<T> {
     /// Speed n \[rev/s\].
@@ -54,8 +54,9 @@ pub fn parts(frequency: f64, step: f64) -> u32 {
 }
 
 impl<T: Real> Drive<T> {
-    /// Moves the motor on by `step` \[s\] in so many parts, asked for `wanted` \[rev/s\] against a load torque \[N·m\] that is positive where it
-    /// brakes positive speed. Returns its mean speed \[rev/s\] over the step; each part \[s\] is shown to `after` with the state at its end.
+    /// Moves the motor on by `step` \[s\] in a number of parts, with `wanted` \[rev/s\] commanded, against
+    /// a load torque \[N·m\] that is positive where it brakes positive speed. Returns its mean speed
+    /// \[rev/s\] over the step; `after` is called for each part \[s\] with the state at its end.
     #[inline(always)]
     pub fn advance(
         &self,
@@ -105,17 +106,18 @@ pub struct DeadTime<T> {
 }
 
 impl<T: Real> DeadTime<T> {
-    /// A dead time \[s\] of zero or more with so many whole periods \[s\] in it: for plain numbers [`of`](DeadTime::of).
+    /// A dead time \[s\] of zero or more with a number of whole periods \[s\] in it: for plain numbers
+    /// [`of`](DeadTime::of).
     pub fn over(time: T, period: T, whole: usize) -> Self {
         Self { whole, part: time / period - T::lit(whole as f64) }
     }
 
-    /// Commands of so many periods ago are asked for at most.
+    /// Largest age of a command, in periods.
     pub fn reach(&self) -> usize {
         self.whole + 1
     }
 
-    /// What arrives now, of commands so many periods ago; 0 is the one of now.
+    /// Command that arrives now, from commands by their age in periods; 0 is the present one.
     #[inline(always)]
     pub fn arrived(&self, ago: impl Fn(usize) -> T) -> T {
         let [after, before] = [ago(self.whole), ago(self.whole + 1)];

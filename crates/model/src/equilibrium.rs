@@ -1,4 +1,4 @@
-//! A state at rest to start from, so that nothing rings at t = 0.
+//! State of rest as an initial state, without oscillation at t = 0.
 
 use crate::boom::{Boom, BoomState, MAX_SEGMENTS};
 use crate::circuit::{Circuit, CircuitState, Nodes, ValveCircuitState, ValveControlled};

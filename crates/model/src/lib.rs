@@ -10,7 +10,7 @@
 //! counter-clockwise; the origin is the boom's bearing. Piston motion, force and velocity are
 //! positive outwards.
 #![no_std]
-// what runs in the control cycle cannot panic
+// code of the control cycle cannot panic
 #![deny(
     clippy::disallowed_methods,
     clippy::expect_used,

@@ -16,10 +16,10 @@ pub enum Scheme {
     RungeKutta4,
 }
 
-/// More substeps than this are refused: the step asked for does not suit the scheme.
+/// More substeps than this are refused: the requested step does not suit the scheme.
 const MOST_SUBSTEPS: f64 = 1000.0;
 
-/// Why a simulation cannot go on.
+/// Error of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SimulationError {
     /// The state after a step is not one the model holds for; the simulation stays at the last
@@ -44,7 +44,7 @@ pub enum SimulationError {
     Step {
         /// Time of the last good state \[s\].
         time: f64,
-        /// Step asked for \[s\].
+        /// Requested step \[s\].
         step: f64,
         /// Largest step without substeps \[s\].
         limit: f64,
@@ -257,7 +257,7 @@ impl<const N: usize> Simulation<N> {
         Ok(())
     }
 
-    /// Goes on with other parameters: oil that has warmed, say. Step and substeps stay.
+    /// Continues with other parameters, such as those of warmed oil. Step and substeps stay.
     pub fn set_crane(&mut self, crane: Crane<f64, N>) {
         self.crane = crane;
         if let Stepper::Implicit(scheme) = &mut self.stepper {

@@ -22,7 +22,7 @@ pub enum PlantError {
     /// A piston position the cylinder does not have.
     #[error("the piston's stroke is 0 to {longest_mm} mm, not {asked_mm} mm")]
     Stroke {
-        /// What was asked for.
+        /// Requested position.
         asked_mm: f64,
         /// The cylinder's stroke.
         longest_mm: f64,
@@ -35,15 +35,15 @@ pub enum PlantError {
     Make,
 }
 
-/// A simulated crane. Its segments are hidden; all else can be seen.
+/// A simulated crane. Its number of segments is hidden.
 pub trait Plant: Send + Sync {
-    /// Another one in the same state, which goes its own way from here.
+    /// An independent copy in the same state.
     fn copied(&self) -> Box<dyn Plant>;
     /// Moves on by `count` steps under a constant input.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the simulation leaves what the model holds for.
+    /// [`SimulationError`] when the simulation leaves the model's range of validity.
     fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError>;
     /// Time since the start \[s\].
     fn time(&self) -> f64;
@@ -51,11 +51,11 @@ pub trait Plant: Send + Sync {
     fn step(&self) -> f64;
     /// Substeps the scheme takes for each step to stay stable.
     fn substeps(&self) -> u32;
-    /// What can be seen.
+    /// Outputs.
     fn outputs(&self) -> Outputs<f64>;
     /// Load pressure p_L \[Pa\].
     fn load_pressure(&self) -> f64;
-    /// What a pressure on the rod side counts against one on the piston side, A_r/A_p.
+    /// Area ratio of rod side and piston side, A_r/A_p.
     fn rod_side_ratio(&self) -> f64;
     /// All flows under an input.
     fn flows(&self, input: &Input<f64>) -> Flows<f64>;
@@ -69,14 +69,13 @@ pub trait Plant: Send + Sync {
     fn boom_line(&self) -> Vec<[f64; 2]>;
     /// Position \[m\] of the cylinder's mount on the boom.
     fn mount(&self) -> [f64; 2];
-    /// Goes on with the parameters of another description of the same number of segments.
+    /// Continues with the parameters of another description of the same number of segments.
     ///
     /// # Errors
     ///
     /// [`PlantError`] when the description gives no model of this size.
     fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError>;
-    /// Sets by how much dissolved air lowers the pressure at which the oil stiffens, node by node
-    /// \[Pa\].
+    /// Sets the decrease of the pressure at which the oil stiffens by dissolved air, node by node \[Pa\].
     fn set_dissolved_air(&mut self, shift: Nodes<f64>);
     /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
     /// will drop onto its cylinder.

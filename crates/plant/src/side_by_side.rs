@@ -11,8 +11,8 @@ use hydroboom_model::{
 /// Coordinates of the boom there is room for: ten segments on an elastic base.
 const ROOM: usize = 11;
 
-/// `W` cranes of the same make and different parameters, in steps of one length with the implicit
-/// scheme. Each gives what it would give alone, to the last bit.
+/// `W` cranes of the same make and different parameters, in steps of one length with the implicit scheme.
+/// Each has the results of a single simulation, to the last bit.
 pub struct SideBySide<const W: usize> {
     cranes: [Crane<f64, ROOM>; W],
     wide: Crane<Lanes<W>, ROOM>,
@@ -20,7 +20,7 @@ pub struct SideBySide<const W: usize> {
     state: CraneState<Lanes<W>, ROOM>,
     step: f64,
     count: u64,
-    /// Cranes that could not go on, and stay where they were.
+    /// Cranes whose simulation failed, in their last state.
     stopped: [Option<SimulationError>; W],
 }
 
@@ -109,7 +109,7 @@ impl<const W: usize> SideBySide<W> {
         self.count += 1;
     }
 
-    /// Why a crane could not go on; none while it does.
+    /// Error of a crane's simulation, if any.
     pub fn stopped(&self, lane: usize) -> Option<SimulationError> {
         self.stopped[lane]
     }
@@ -119,7 +119,7 @@ impl<const W: usize> SideBySide<W> {
         self.step
     }
 
-    /// What can be seen of each.
+    /// Outputs of each.
     pub fn outputs(&self) -> [Outputs<f64>; W] {
         let outputs = self.wide.outputs(&self.state);
         std::array::from_fn(|lane| outputs.map(|v| v.0[lane]))
@@ -130,7 +130,7 @@ impl<const W: usize> SideBySide<W> {
         self.cranes[lane].power(&state_of(&self.state, lane), input).losses()
     }
 
-    /// One crane goes on with the parameters of another description of the same make, and air
+    /// One crane continues with the parameters of another description of the same structure, and air
     /// dissolved as given.
     ///
     /// # Errors
@@ -153,8 +153,8 @@ impl<const W: usize> SideBySide<W> {
         Ok(())
     }
 
-    /// Sets by how much dissolved air lowers the pressure at which each one's oil stiffens \[Pa\];
-    /// false, and nothing is set, where some are given and some are not.
+    /// Sets the decrease by dissolved air of the pressure at which each one's oil stiffens \[Pa\]; false,
+    /// and nothing is set, where some are given and some are not.
     pub fn set_dissolved_air(&mut self, shifts: [Option<Nodes<f64>>; W]) -> bool {
         if shifts.iter().any(|shift| shift.is_some() != shifts[0].is_some()) {
             return false;
@@ -182,7 +182,7 @@ fn together<const W: usize>(cranes: &[Crane<f64, ROOM>; W]) -> Option<Crane<Lane
         crane.map(&mut |value| list.push(value));
         list
     });
-    // what is left without the numbers: laws, options, lengths
+    // the structure without the numbers: laws, options, lengths
     let make = |crane: &Crane<f64, ROOM>| crane.map(&mut |_| ());
     let same = cranes.iter().all(|crane| make(crane) == make(&cranes[0]));
     let mut index = 0_usize..;

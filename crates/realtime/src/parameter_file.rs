@@ -100,7 +100,8 @@ pub fn read(
         .map_err(|error| other(format!("not a file of `hydroboom run --parameters`: {error}")))?;
     if value["crane_digest"].as_str() != Some(&model.digest()) {
         return Err(other(format!(
-            "it belongs to another crane file than \"{}\", or to other overrides: delete it, and the next run writes a new one",
+            "it belongs to another crane file than \"{}\", or to other overrides: delete it, and the next run \
+             writes a new one",
             model.name
         )));
     }
@@ -142,7 +143,8 @@ pub fn read(
         let expected = deviations[0].hypot(deviations[1]);
         if off.abs() > CONTRADICTION * expected {
             return Err(other(format!(
-                "{what} is {:.1} {unit} off the crane file's value; {CONTRADICTION} standard deviations of both are {:.1} {unit}. Check oil, pump and crane file, or delete the file to begin anew",
+                "{what} is {:.1} {unit} off the crane file's value; {CONTRADICTION} standard deviations of both \
+                 are {:.1} {unit}. Check oil, pump and crane file, or delete the file to begin anew",
                 off / size,
                 CONTRADICTION * expected / size
             )));

@@ -74,7 +74,7 @@ pub trait Attendant {
 }
 
 /// Time of the course \[s\] and payload \[kg\] attached at that time.
-pub type Hung = (f64, f64);
+pub type PayloadChange = (f64, f64);
 
 /// Data recorded before and at a fault.
 #[derive(Clone, Debug)]
@@ -103,9 +103,9 @@ pub struct Session {
     /// Trajectories passed to the tasks and possibly in use. A real-time task must not drop the last
     /// reference, because that frees memory.
     paths: Vec<Arc<dyn Trajectory>>,
-    hung: Vec<Hung>,
+    payload_changes: Vec<PayloadChange>,
     /// Number of payload changes already applied.
-    hanging: usize,
+    applied_changes: usize,
     last: Option<Record>,
     recent: VecDeque<Record>,
     fault: Option<FaultData>,
@@ -129,8 +129,8 @@ impl Session {
         Self {
             model: model.clone(),
             paths: Vec::new(),
-            hung: Vec::new(),
-            hanging: 0,
+            payload_changes: Vec::new(),
+            applied_changes: 0,
             last: None,
             recent: VecDeque::with_capacity(records + 1),
             fault: None,
@@ -191,7 +191,7 @@ impl Session {
     pub fn prepare(
         &mut self,
         path: Arc<dyn Trajectory>,
-        hung: Vec<Hung>,
+        payload_changes: Vec<PayloadChange>,
     ) -> Result<Vec<Order>, PlantError> {
         let begin = path.reference(0.0).position;
         let course = match self.last {
@@ -202,7 +202,7 @@ impl Session {
         let at = self.at_rest(stroke)?;
         self.paths.retain(|path| Arc::strong_count(path) > 1);
         self.paths.push(path);
-        (self.hung, self.hanging, self.synchronised) = (hung, 0, 0);
+        (self.payload_changes, self.applied_changes, self.synchronised) = (payload_changes, 0, 0);
         Ok(vec![Order::Course(course), Order::Synchronise(Box::new(at))])
     }
 
@@ -210,10 +210,12 @@ impl Session {
     pub fn orders(&mut self) -> Vec<Order> {
         let mut orders = Vec::new();
         if let Some(time) = self.last.and_then(|r| r.course_time) {
-            while let Some((at, mass)) = self.hung.get(self.hanging).filter(|(at, _)| *at <= time) {
+            while let Some((at, mass)) =
+                self.payload_changes.get(self.applied_changes).filter(|(at, _)| *at <= time)
+            {
                 debug_assert!(at.is_finite());
                 orders.push(Order::Tamper(Tampering::Payload(*mass)));
-                self.hanging += 1;
+                self.applied_changes += 1;
             }
         }
         let is_held = self.last.is_some_and(|r| r.course_time.is_none());

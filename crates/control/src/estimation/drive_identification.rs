@@ -69,8 +69,8 @@ impl<T: Real> DriveIdentification<T> {
         DriveLag { coefficient, variance: self.largest_deviation.square() }
     }
 
-    /// What a motor speed \[rev/s\] tells that is read a period after another, commanded `command` \[rev/s\] between. `is_informative` is false where the motor was at
-    /// its torque or slew limit.
+    /// Update by a motor speed \[rev/s\] measured one period after another, with `command` \[rev/s\]
+    /// commanded between. `is_informative` is false where the motor was at its torque or slew limit.
     #[inline(always)]
     pub fn update(
         &self,

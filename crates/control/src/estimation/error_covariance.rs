@@ -1,13 +1,14 @@
-//! Error covariance of the filter's estimates, with what the filter takes for exact.
+//! Error covariance of the filter's estimates, with the parameters that the filter assumes to be exact.
 //!
-//! The filter's own covariance P gives its gain K; it takes the parameters of the reduced model for exact, and a load for one that hardly changes. The error
-//! covariance takes K as given, and follows the errors e of the states together with those of consider parameters c, which are constant and never estimated:
+//! The filter's own covariance P gives its gain K. It assumes exact parameters of the reduced model, and a
+//! load that hardly changes. The error covariance takes K as given, and follows the errors e of the states
+//! together with those of consider parameters c, which are constant and never estimated:
 //!
 //! ```text
 //! e⁻ = F e + G c + w,   e = e⁻ − K (H e⁻ + H_c c + v)
 //! ```
 //!
-//! It is what is reported. It changes no estimate.
+//! The estimator reports this covariance. It changes no estimate.
 //!
 //! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (consider parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
 //! 1974, chapter 7 (covariance of a filter whose gain is given).
@@ -16,7 +17,7 @@ use super::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_math::{Dual, Real, record};
 
 record! {
-    /// Parameters that the filter takes for exact; here, the standard deviation of each.
+    /// Parameters that the filter assumes to be exact, as a standard deviation of each.
     pub struct ConsideredParameters<T> {
         /// Coulomb friction over the piston's area, p_C
         #[unit = "Pa"]
@@ -60,7 +61,8 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
     }
 }
 
-/// Model and state with the states and the consider parameters as variables: what is computed of them has its slopes.
+/// Model and state with the states and the consider parameters as variables: results have derivatives by
+/// these.
 pub fn as_variables<T: Real>(
     model: &ReducedModel<T>,
     estimate: &MachineState<T>,
@@ -86,7 +88,7 @@ pub fn independent<T: Real, const N: usize>(deviations: &[T; N]) -> Covariance<T
     })
 }
 
-/// A period on: `J P Jᵀ`, `rows` being those of the states in J; what comes after the states is constant.
+/// A period on: `J P Jᵀ`, `rows` being those of the states in J; the entries after the states are constant.
 #[inline(always)]
 pub fn propagated<T: Real, const N: usize>(
     p: &Covariance<T, N>,

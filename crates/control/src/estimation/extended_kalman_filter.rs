@@ -3,11 +3,11 @@
 //! Per control period: prediction `ẑ = f(ẑ, n)`, `P = F P Fᵀ + Q` with the exact Jacobian F by dual
 //! numbers. Then correction by position and load pressure, one after the other: innovation ν, variance `S =
 //! H P Hᵀ + R`, gain `K = P Hᵀ/S`, `ẑ = ẑ + K ν`, and P by Joseph's form. Beside P, which gives the gain,
-//! the [error covariance](super::error_covariance) follows what the filter takes for exact too; it is what
-//! is reported.
+//! the [error covariance](super::error_covariance) includes the parameters that the filter assumes to be
+//! exact; the estimator reports it.
 //!
-//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968 (covariance). A load change is told by the
-//! [innovation test](super::innovation_test).
+//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968
+//! (covariance). A load change is detected by the [innovation test](super::innovation_test).
 
 use super::error_covariance::{
     ConsideredParameters, Covariance, ERRORS, corrected, independent, limit, propagated,
@@ -43,7 +43,8 @@ pub struct ExtendedKalmanFilter<T> {
     pub lowest: MachineState<T>,
     /// Largest values that are possible.
     pub highest: MachineState<T>,
-    /// Standard deviation of position \[m\] and load pressure \[Pa\] as they are measured: sensors, and what the model leaves out.
+    /// Standard deviation of measured position \[m\] and load pressure \[Pa\]: sensors, and the model's
+    /// error.
     pub measurement_noise: [T; 2],
     /// Averaging time of the measured noise \[s\].
     pub noise_memory: T,
@@ -53,7 +54,7 @@ pub struct ExtendedKalmanFilter<T> {
     pub divergence_time: T,
     /// Lag of the position sensor \[s\].
     pub sensor_lag: T,
-    /// Standard deviations of what is taken for exact.
+    /// Standard deviations of the consider parameters.
     pub considered: ConsideredParameters<T>,
     /// Standard deviation of the payload's moment arm, over the arm \[1\]: considered, not estimated. Pressure shows the load's moment.
     pub payload_arm: T,
@@ -70,7 +71,7 @@ pub struct ExtendedKalmanFilter<T> {
 }
 
 record! {
-    /// What is measured in a period.
+    /// Measurements of a period.
     pub struct EstimatorInput<T> {
         /// Piston position
         #[unit = "m"]
@@ -93,7 +94,7 @@ record! {
     }
 }
 
-/// What the filter carries from period to period.
+/// State of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimatorState<T> {
     /// Estimates.
@@ -185,14 +186,15 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         MachineState { payload: self.payload_deviation(state), ..of_errors }
     }
 
-    /// Standard deviation of the payload \[kg\]: the error covariance is that of a load at the crane file's centre of mass. An error of the moment arm
-    /// is one of the payload by the same share, whatever is measured.
+    /// Standard deviation of the payload \[kg\]: the error covariance is that of a load at the crane file's
+    /// centre of mass. An error of the moment arm is one of the payload by the same share, for all
+    /// measurements.
     pub fn payload_deviation(&self, state: &EstimatorState<T>) -> T {
         let by_arm = self.payload_arm * state.estimate.payload;
         (state.errors[PAYLOAD][PAYLOAD].max(T::zero()) + by_arm.square()).sqrt()
     }
 
-    /// At rest where the machine is: the load pressure is taken for its weight.
+    /// At rest at the measured position: the load pressure is attributed to the weight.
     pub fn start(&self, measured: &EstimatorInput<T>) -> EstimatorState<T> {
         let zero = T::zero();
         let payload = self.model.payload_at_rest(measured.position, measured.load_pressure);
@@ -243,8 +245,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         self.correct(state, measured, is_frozen);
     }
 
-    /// One control period in which valves hold the load: nothing moves, position and load pressure are as measured, the payload may be another. What is known of
-    /// unknown flow and oil stays, since nothing is learned of them.
+    /// One control period in which valves hold the load: nothing moves, position and load pressure are as
+    /// measured, the payload may change. The estimates of unknown flow and oil remain, since they are not
+    /// observable.
     pub fn hold(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         let anew = self.start(measured);
         let keep = |i: usize| (PARAMETERS.contains(&i) && i != PAYLOAD) || i >= STATES;
@@ -270,7 +273,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         let own = jacobian.map(|row| core::array::from_fn(|j| row[j]));
         state.covariance = propagated(&state.covariance, &own);
         state.errors = propagated(&state.errors, &jacobian);
-        // what is not known of the flow changes the pressure by the stiffness of the oil
+        // the unknown flow changes the pressure by the stiffness of the oil
         let at = self.model.at(state.estimate.position, state.estimate.payload);
         let MachineState { load_pressure, transition_pressure, .. } = state.estimate;
         let oil = self.model.bulk_modulus(load_pressure, transition_pressure, rod_side_term);
@@ -287,13 +290,13 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             *own = *own + noise.square() * self.period;
             *all = *all + noise.square() * self.period;
         }
-        // what the innovations do not explain is a load that has changed, which may be any, or a force as large
+        // inconsistent innovations indicate a load change of any size, or a force as large
         let share = self.innovation_test.inconsistency(state.mean_nis);
         for (i, change) in [(PAYLOAD, self.payload_change), (DISTURBANCE, self.force_change)] {
             let variance = &mut state.errors[i][i];
             *variance = variance.max(share * change.square());
         }
-        // what is not excited does not become less certain for ever
+        // the variance of a parameter that is not excited is bounded
         let initial = self.initial_deviation.to_array();
         let most = |payload: T| {
             let known = |i: usize| if i == PAYLOAD { payload } else { initial[i].square() };
@@ -332,7 +335,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         [[one, -self.sensor_lag, at.compliance], [zero, zero, one]]
     }
 
-    /// What position and load pressure tell.
+    /// Correction by position and load pressure.
     fn correct(
         &self,
         state: &mut EstimatorState<T>,

@@ -1,4 +1,4 @@
-//! Innovation test: normalised innovations squared (NIS), which tell a load that has changed from noise.
+//! Innovation test: normalised innovations squared (NIS), which distinguish a load change from noise.
 //!
 //! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, sections 5.4 and 11.6.
 
@@ -30,7 +30,8 @@ impl<T: Real> InnovationTest<T> {
         share.mul_add(nis - mean, mean)
     }
 
-    /// How much a mean tells of a change \[1\]: 0 up to the threshold, rising linearly to 1 where a change is certain.
+    /// Inconsistency by a mean NIS \[1\]: 0 up to the threshold, rising linearly to 1 where a change is
+    /// certain.
     #[inline(always)]
     pub fn inconsistency(&self, mean: T) -> T {
         let above = (mean - self.threshold) / (self.certain - self.threshold).max(T::lit(1e-9));

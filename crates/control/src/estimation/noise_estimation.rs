@@ -28,7 +28,8 @@ impl<T: Real> NoiseEstimate<T> {
         Self { variance: T::zero(), last: value, before: value, good: T::lit(2.0) }
     }
 
-    /// One more value, `share` \[1\] being the period over the averaging time. A value that is not good counts for nothing, and neither do the two after it.
+    /// One more value, `share` \[1\] being the period over the averaging time. A value that is not valid is
+    /// not used, nor are the two after it.
     #[inline(always)]
     pub fn update(&mut self, value: T, is_good: T::Mask, share: T) {
         let difference = value - self.last - (self.last - self.before);

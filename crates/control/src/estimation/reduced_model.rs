@@ -114,7 +114,7 @@ pub struct ReducedModel<T> {
     pub displacement: T,
     /// Leakage as a motor speed by the root of the pressure \[rev/(s √Pa)\].
     pub leakage: T,
-    /// Time in which an unknown force decays \[s\]; what lasts longer is payload.
+    /// Time constant of the decay of an unknown force \[s\]; a longer one is attributed to payload.
     pub disturbance_time: T,
     /// Heaviest payload that is thought of \[kg\].
     pub maximum_payload: T,
@@ -193,7 +193,8 @@ impl<T: Real> ReducedModel<T> {
         share.clamp(T::zero(), T::one()) * self.maximum_payload
     }
 
-    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\], `rod_side_term` \[Pa\] being what the piston side has beyond the load pressure, (A_r/A_p) p_B.
+    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\].
+    /// `rod_side_term` \[Pa\] is the piston-side pressure less the load pressure, (A_r/A_p) p_B.
     #[inline(always)]
     pub fn bulk_modulus(&self, load_pressure: T, transition: T, rod_side_term: T) -> T {
         Oil { transition_pressure: transition, ..self.oil }
@@ -209,7 +210,7 @@ impl<T: Real> ReducedModel<T> {
     /// Motor speed \[rev/s\] that leaks away at a load pressure \[Pa\].
     #[inline(always)]
     pub fn leakage(&self, load_pressure: T) -> T {
-        // below a tenth of a bar nothing is known
+        // the oil below a tenth of a bar is unknown
         self.leakage * load_pressure.max(T::lit(1e4)).sqrt()
     }
 
@@ -234,7 +235,7 @@ impl<T: Real> ReducedModel<T> {
         (self.piston(&next) - self.piston(z)) / moment
     }
 
-    /// Load pressure beyond what holds the load against pre-sliding friction and unknown force \[Pa\].
+    /// Load pressure less the holding pressure with pre-sliding friction and unknown force \[Pa\].
     #[inline(always)]
     fn excess_pressure(at: &OperatingPoint<T>, z: &MachineState<T>) -> T {
         z.load_pressure

@@ -1,7 +1,9 @@
-//! Parameters that a state estimator keeps from one start to the next, with their covariance: what the machine is, not what it does.
+//! Parameters that a state estimator keeps from one start to the next, with their covariance. They are
+//! properties of the machine, not of its motion.
 //!
-//! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane file's) and the drive's lag are properties of machine and oil.
-//! Payload, unknown force and friction of the moment begin anew: their spread is that of any start.
+//! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane
+//! file's) and the drive's lag are properties of machine and oil. Payload, unknown force and present
+//! friction are initialised as at any start.
 
 use super::error_covariance::Covariance;
 use super::reduced_model::state_index::{TRANSITION_PRESSURE as TRANSITION, UNKNOWN_FLOW as FLOW};
@@ -9,7 +11,8 @@ use super::state_estimator::{StateEstimator, StateEstimatorState};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// What is known of a machine from one run to the next: oil, pump and drive, with the covariance of their errors.
+    /// Parameters of a machine retained from one run to the next: oil, pump and drive, with the covariance
+    /// of their errors.
     pub struct RetainedParameters<T> {
         /// Unknown flow, as a motor speed
         #[unit = "rev/s"]
@@ -62,8 +65,8 @@ fn clear_shared<T: Real, const N: usize>(p: &mut Covariance<T, N>, clears: T::Ma
 }
 
 impl<T: Real> StateEstimator<T> {
-    /// Takes retained parameters where `mask` holds and all of them are numbers, limited to what is estimated. The filter's own covariance, which gives its gain, is
-    /// that of the errors too.
+    /// Takes retained parameters where `mask` holds and all of them are numbers, limited to the estimated
+    /// ranges. The filter's own covariance, which gives its gain, is that of the errors too.
     pub fn restore(
         &self,
         state: &mut StateEstimatorState<T>,
@@ -93,7 +96,7 @@ impl<T: Real> StateEstimator<T> {
             (TRANSITION, FLOW, both),
             (TRANSITION, TRANSITION, transition),
         ];
-        // nothing is known of what the new errors share with the others
+        // the correlation of the new errors with the others is unknown
         clear_shared(&mut state.filter.covariance, restores);
         clear_shared(&mut state.filter.errors, restores);
         for (i, j, value) in block {

@@ -52,7 +52,7 @@ record! {
     }
 }
 
-/// What the estimator carries from period to period.
+/// State of the estimator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateEstimatorState<T> {
     /// The filter's.
@@ -139,7 +139,7 @@ impl<T: Real> StateEstimator<T> {
             + self.command_delay_cycles.min(LARGEST_DELAY)
     }
 
-    /// At rest beside a machine. `measured` has the motor speed as it is read.
+    /// At rest beside a machine. `measured` has the measured motor speed.
     pub fn start(&self, measured: &EstimatorInput<T>) -> StateEstimatorState<T> {
         StateEstimatorState {
             filter: self.filter.start(measured),
@@ -150,7 +150,8 @@ impl<T: Real> StateEstimator<T> {
         }
     }
 
-    /// A control period: `measured` has the motor speed as it is read; `command` \[rev/s\] was sent in the period before.
+    /// A control period: `measured` has the measured motor speed; `command` \[rev/s\] was sent in the
+    /// period before.
     pub fn update(
         &self,
         state: &mut StateEstimatorState<T>,
@@ -173,7 +174,7 @@ impl<T: Real> StateEstimator<T> {
         state.commands[0] = command;
         let speed = measured.motor_speed;
         let mean = T::lit(0.5) * (state.motor_speed + speed);
-        // a motor at its torque or slew limit tells nothing of its lag
+        // the lag is not observable from a motor at its torque or slew limit
         let is_free = (speed - state.motor_speed).abs().lt(self.free_slew * self.slew);
         let is_informative =
             is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis) & !is_frozen;

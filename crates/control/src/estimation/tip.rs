@@ -1,6 +1,7 @@
 //! Position of the boom's tip from the estimates, with its standard deviation.
 //!
-//! The tip is that of a rigid boom at the piston position, lowered by what gives way under the load: the boom bends, and the base turns.
+//! The tip is that of a rigid boom at the piston position, lowered by the compliance under load: the boom
+//! bends, and the base rotates.
 //!
 //! ```text
 //! tip = L e_r(φ) − (w + L C_b M_A) e_t(φ),   φ = φ(x + x_0),   w = (c/E I) ∫ M(s) m(s) ds
@@ -19,8 +20,9 @@
 //! W ← (1 − T/τ) W + T/P_m,   m̄ ← m̄ + T/(P_m W) (m − m̄)
 //! ```
 //!
-//! Pressures enter by the payload and the acceleration of the Kalman filter only, never as a force of the cylinder: its friction bends nothing. Neither
-//! pressures nor piston position observe what gives way; the standard deviation holds as far as the model and the spread of its numbers do.
+//! Pressures enter by the payload and the acceleration of the Kalman filter only, never as a force of the
+//! cylinder: its friction bends nothing. Neither pressures nor piston position observe the deflection; the
+//! standard deviation is valid as far as the model and the spread of its numbers are.
 //!
 //! Source: S. Timoshenko, *Strength of Materials*, part 1, 1955 (bending by virtual work).
 
@@ -70,7 +72,7 @@ record! {
 }
 
 record! {
-    /// What gives way, and where the stroke begins: numbers of the single crane.
+    /// Compliances and zero of the stroke: numbers of the single crane.
     pub struct TipParameters<T> {
         /// Bending of the boom over that of a uniform beam of the crane file's E I, c
         #[unit = "1"]
@@ -85,7 +87,7 @@ record! {
 }
 
 record! {
-    /// What the tip follows from.
+    /// Inputs of the tip model.
     pub struct TipLoad<T> {
         /// Piston position
         #[unit = "m"]
@@ -131,14 +133,14 @@ pub struct TipEstimator<T> {
     pub parameters: TipParameters<T>,
     /// Their covariance.
     pub covariance: Covariance<T, PARAMETERS>,
-    /// Standard deviation, across the boom, of what the model leaves out \[m\].
+    /// Standard deviation of the model's error across the boom \[m\].
     pub remainder: T,
     /// Time constant of the payload's mean, τ \[s\].
     pub payload_memory: T,
 }
 
 record! {
-    /// What is carried from period to period: the payload's mean.
+    /// State of the estimator: the payload's mean.
     pub struct TipMemory<T> {
         /// Mean payload, m̄
         #[unit = "kg"]
@@ -215,7 +217,8 @@ impl<T: Real> TipLoad<T> {
 }
 
 impl<T: Real> TipEstimator<T> {
-    /// A control period, before [`estimate`](Self::estimate): the payload's mean goes on, and begins anew where the innovations tell a load change.
+    /// A control period, before [`estimate`](Self::estimate): the payload's mean is updated, and
+    /// initialised again where the innovations indicate a load change.
     #[inline(always)]
     pub fn update(
         &self,
@@ -226,9 +229,9 @@ impl<T: Real> TipEstimator<T> {
         let is_same_load = filter.innovation_test.is_consistent(state.mean_nis);
         let kept = (T::one() - filter.period / self.payload_memory).max(T::zero());
         let before = T::select(is_same_load, memory.weight * kept, T::zero());
-        // what is no number any more begins anew
+        // a value that is not a number is initialised again
         let before = T::select(before.is_finite(), before, T::zero());
-        // a gram: what is known exactly still has a finite weight
+        // a gram: an exactly known payload still has a finite weight
         let variance = state.errors[PAYLOAD][PAYLOAD].max(T::lit(1e-6));
         let new = filter.period / variance;
         let payload = state.estimate.payload;

@@ -13,7 +13,7 @@ use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// What the controller uses of a crane, measured or simulated.
+    /// Signals of a crane, measured or simulated, that the controller uses.
     pub struct BenchmarkInput<T> {
         /// Piston position, x_cyl
         #[unit = "m"]
@@ -39,7 +39,7 @@ impl<T: Real> BenchmarkInput<T> {
 }
 
 record! {
-    /// What the controller remembers between samples.
+    /// State of the controller.
     pub struct BenchmarkMemory<T> {
         /// Integral share of u_FC, as a velocity
         #[unit = "m/s"]
@@ -111,8 +111,8 @@ impl<T: Real> Benchmark<T> {
         wanted.clamp(-self.limits.speed, self.limits.speed)
     }
 
-    /// Makes the next [`update`](Self::update) ask for `speed` \[rev/s\], so that the controller takes
-    /// over from whatever moved the machine until now without a bump.
+    /// Makes the next [`update`](Self::update) command `speed` \[rev/s\], for a bumpless transfer from the
+    /// previous controller.
     #[inline(always)]
     pub fn take_over(
         &self,

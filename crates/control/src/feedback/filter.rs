@@ -8,7 +8,7 @@ use hydroboom_math::{Real, record};
 /// `x ← a x + (1 − a) u`, `a = exp(−T/τ)`; the output is `u − x`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HighPass<T> {
-    /// What the low-pass keeps over one period, a.
+    /// Coefficient of the low-pass over one period, a.
     keep: T,
 }
 
@@ -29,7 +29,7 @@ impl<T: Real> HighPass<T> {
 }
 
 record! {
-    /// What a notch remembers between samples.
+    /// State of a notch.
     pub struct NotchMemory<T> {
         /// The sum that the next output takes
         #[unit = "of the input"]
@@ -40,8 +40,8 @@ record! {
     }
 }
 
-/// A notch `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear rule that keeps ω where it is: what comes
-/// slowly passes unchanged, what comes with ω is weakened to ζ_n/ζ_d.
+/// A notch `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear rule that keeps ω
+/// where it is: what comes slowly passes unchanged, a component at ω is attenuated to ζ_n/ζ_d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Notch<T> {
     /// Shares of the input now and two samples ago.
@@ -69,7 +69,7 @@ impl<T: Real> Notch<T> {
         }
     }
 
-    /// Memory with which a steady input passes as it is.
+    /// State in which a constant input passes unchanged.
     #[inline(always)]
     pub fn steady(&self, input: T) -> NotchMemory<T> {
         let after = (self.before - self.fed_back) * input;
@@ -112,7 +112,7 @@ mod tests {
     fn a_notch_weakens_its_frequency_and_passes_what_is_slow() {
         let (frequency, period) = (50.0, 1e-3);
         let notch = Notch::new(frequency * core::f64::consts::TAU, [0.1, 0.7], period);
-        // after a steady input nothing jumps
+        // after a constant input the output has no step
         let mut memory = notch.steady(3.0);
         assert!((notch.update(&mut memory, 3.0) - 3.0).abs() < 1e-12);
         let largest = |hz: f64| {

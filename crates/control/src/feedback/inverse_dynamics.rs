@@ -34,7 +34,7 @@ pub fn inverse_dynamics<T: Real>(
     let sliding = model.sliding_velocity.max(turning);
     let sense = (velocity / sliding).tanh();
     let turn = (one - sense.square()) * acceleration / sliding;
-    // at rest friction holds what it holds
+    // at rest friction has its present value
     let held = estimate.friction;
     let signed = T::select(sense.lt(T::zero()), -held, held);
     let pressure = at.holding_pressure

@@ -29,7 +29,7 @@ pub struct PublishedStrategy {
 /// The benchmark controller around the simulated crane.
 #[derive(Clone, Copy, Debug, Default)]
 struct SimulatedLoop {
-    /// None until the simulated crane was seen for the first time.
+    /// None before the first state of the simulated crane.
     memory: Option<BenchmarkMemory<f64>>,
     motor_speed: f64,
 }
@@ -72,13 +72,13 @@ impl PublishedStrategy {
         self.law.take_over(&mut self.memory, set_point, &input, 0.0, speed);
     }
 
-    /// Begins feedback anew, after it has not been in use.
+    /// Initialises feedback, after it has not been in use.
     pub fn forget_measurements(&mut self, measurement: &Measurement) {
         self.memory = self.law.start(&self.input(measurement));
         self.takes_over_at = None;
     }
 
-    /// Begins with the simulated crane anew, at its state of rest where there is one.
+    /// Initialises the simulated crane, at its state of rest where there is one.
     pub fn start_simulated(&mut self, state: Option<&AxisState<f64>>) {
         let memory = state.map(|state| self.law.start(&BenchmarkInput::of_simulated(state)));
         self.simulated = SimulatedLoop { memory, motor_speed: 0.0 };

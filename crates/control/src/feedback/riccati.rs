@@ -7,7 +7,7 @@
 //!
 //! The recursion (value iteration) has A, b of the present operating point. It converges to the regulator's
 //! gain within the closed loop's own settling time, and tracks it as the operating point moves. Joseph's
-//! form keeps P symmetric and not negative whatever is rounded.
+//! form keeps P symmetric and positive semi-definite under rounding.
 //!
 //! Source: D. Bertsekas, *Dynamic Programming and Optimal Control*, vol. 1, section 3.1.
 
@@ -145,7 +145,7 @@ mod tests {
         assert!((regulator.gain[0] - 2.0).abs() < 5e-3, "{regulator:?}");
     }
 
-    /// What is left over by the gain from any state is what the cost to go says: summed up along the closed loop.
+    /// The cost along the closed loop, from any state, equals the cost to go.
     #[test]
     fn the_cost_to_go_is_the_sum_of_stage_costs() {
         let a = [

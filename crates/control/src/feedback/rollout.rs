@@ -1,9 +1,11 @@
 //! One-step policy improvement (rollout): while feedback saturates, the law itself and four alternatives are predicted on the reduced model, and the one of least cost is
 //! applied.
 //!
-//! An alternative holds the motor's limit, either way, for a short or a long time, then the law goes on. Stage costs are the regulator's, the end cost its cost to go.
-//! The cause of the deviation is a force or a payload: each alternative is predicted under both hypotheses. A decision takes eleven periods: in the first the
-//! reference ahead is sampled, in each of the others one prediction is made, from the state of the first on.
+//! An alternative holds the motor's limit, either way, for a short or a long time, then the law continues.
+//! Stage costs are the regulator's, the end cost its cost to go. The cause of the deviation is a force or a
+//! payload: each alternative is predicted under both hypotheses. A decision takes eleven periods: in the
+//! first the reference ahead is sampled, in each of the others one prediction is made, from the state of
+//! the first on.
 //!
 //! Source: D. Bertsekas, *Reinforcement Learning and Optimal Control*, 2019, section 2.4.
 
@@ -18,7 +20,7 @@ use hydroboom_math::{Real, record};
 
 /// Alternatives: the law; then each limit for a short and a long time.
 const ALTERNATIVES: usize = 5;
-/// Hypotheses of what has changed.
+/// Hypotheses of the change.
 const HYPOTHESES: usize = 2;
 /// Periods of a decision.
 const PERIODS: usize = 1 + ALTERNATIVES * HYPOTHESES;
@@ -74,7 +76,7 @@ impl<T: Copy> ReferenceSample<T> {
     }
 }
 
-/// What a prediction of the law needs: the plant, the law and the reference.
+/// Inputs of a prediction with the law: the plant, the law and the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Policy<T> {
     /// Plant.
@@ -105,7 +107,7 @@ pub struct Policy<T> {
     pub decay: T,
 }
 
-/// What the rollout carries from period to period.
+/// State of the rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RolloutState<T> {
     /// Period of the decision under way, from 0.
@@ -143,7 +145,7 @@ impl<T: Copy> Memory<T> for RolloutState<T> {
 }
 
 impl<T: Real> RolloutState<T> {
-    /// The same with nothing decided where `mask` holds.
+    /// The same without a decision where `mask` holds.
     #[must_use]
     pub fn restarted_where(self, mask: T::Mask) -> Self {
         let none = |value: T| T::select(mask, T::zero(), value);
@@ -151,7 +153,7 @@ impl<T: Real> RolloutState<T> {
         Self { phase, is_evaluating, is_applied: none(self.is_applied), ..self }
     }
 
-    /// Nothing is decided.
+    /// Without a decision.
     pub fn start() -> Self {
         let zero = T::zero();
         let nowhere =
@@ -181,7 +183,8 @@ impl<T: Real> RolloutState<T> {
 }
 
 impl<T: Real> Rollout<T> {
-    /// A control period, in which the machine is at `now` when the command arrives and the reference `offset` \[m\] from what is asked.
+    /// A control period, in which the machine is at `now` when the command arrives and the reference
+    /// `offset` \[m\] from the commanded one.
     ///
     /// `needed`: feedback saturates, or the reference has been moved. `ahead` is state, motor speed \[rev/s\] and piston position \[m\] of the reference so long \[s\] after that time.
     pub fn update(
@@ -394,7 +397,8 @@ struct Hypothesis<T> {
     added_payload: T,
 }
 
-/// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s − p_v w) = w'`, which is linear in m.
+/// The load is accelerated by a force, as estimated, or by a changed payload: `a_p(m) (p − p_0(m) − p_C s −
+/// p_v w) = w'`, which is linear in m.
 fn hypothesis<T: Real>(
     policy: &Policy<T>,
     at: &OperatingPoint<T>,

@@ -23,7 +23,7 @@ impl<T: Real> NestedSaturation<T> {
     /// Position error \[m\] beyond which position feedback is limited.
     #[inline(always)]
     pub fn largest_error(&self, gain: &[T; ORDER]) -> T {
-        // a gain of next to nothing limits nothing
+        // a gain near zero limits nothing
         self.position / gain[0].max(T::lit(1.0))
     }
 
@@ -53,7 +53,7 @@ mod tests {
         assert!((feedback - dot(&GAIN, &error)).abs() < 1e-12 && !saturates, "{feedback}");
     }
 
-    /// However far off the position is, a velocity still changes the command: what damps stays.
+    /// For any position error a velocity still changes the command: damping remains.
     #[test]
     fn a_large_position_error_does_not_drown_the_damping() {
         let far = |velocity: f64| LIMITS.feedback(&GAIN, &[0.5, velocity, 0.0, 0.0]).0;

@@ -74,7 +74,7 @@ pub struct ScheduledLqr<T> {
     pub period: T,
 }
 
-/// What the law carries from period to period.
+/// State of the law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScheduledLqrState<T> {
     /// The regulator.
@@ -143,7 +143,8 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
-    /// The state to begin with where `mask` holds, at a reference position \[m\], with the regulator that it has; elsewhere the state as it is.
+    /// The state to begin with where `mask` holds, at a reference position \[m\], with its present
+    /// regulator; elsewhere the unchanged state.
     pub fn started_where(
         &self,
         mask: T::Mask,
@@ -211,7 +212,8 @@ impl<T: Real> ScheduledLqr<T> {
         regulator
     }
 
-    /// One Riccati step of the present operating point, while another controller commands: begun anew where there is no regulator yet.
+    /// One Riccati step of the present operating point, while another controller commands; initialised
+    /// where there is no regulator yet.
     pub fn follow_operating_point(
         &self,
         regulator: Option<Regulator<T>>,

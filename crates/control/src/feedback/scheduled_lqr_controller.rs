@@ -30,7 +30,7 @@ pub struct ScheduledLqrController {
     state: Option<ScheduledLqrState<f64>>,
     /// Number of the measurement that was observed last.
     observed: Option<u64>,
-    /// The last good position \[m\] and load pressure \[Pa\], and what the piston side has beyond it.
+    /// The last valid position \[m\], load pressure \[Pa\] and rod-side term \[Pa\].
     last: [f64; 3],
     /// Motor speed that was commanded last \[rev/s\].
     command: f64,
@@ -53,14 +53,15 @@ impl ScheduledLqrController {
         }
     }
 
-    /// The same with a fieldbus that delays measurements and commands by so many cycles each.
+    /// The same with a fieldbus that delays measurements and commands by a number of cycles each.
     #[must_use]
     pub fn with_delay(mut self, delay_cycles: u32) -> Self {
         self.set_delays(delay_cycles as usize, delay_cycles as usize);
         self
     }
 
-    /// From now on measurements and commands are late by so many cycles. To be called while the load is held, where no command is on its way.
+    /// Sets the delays of measurements and commands in cycles. To be called while the load is held, with no
+    /// command in transit.
     pub fn set_delays(&mut self, measurement: usize, command: usize) {
         self.estimator = self.estimator.with_delays(measurement, command);
     }
@@ -89,7 +90,7 @@ impl ScheduledLqrController {
 
     /// Takes a measurement in, `command` being the motor speed \[rev/s\] that was sent in the period before.
     ///
-    /// A measurement that was observed already counts as absent: the estimates go on by the model.
+    /// A measurement that was observed already counts as absent: the estimates are predicted by the model.
     pub fn observe(&mut self, measurement: &Measurement, command: f64) {
         let is_new = self.observed != Some(measurement.number);
         let input = self.input(&measurement.axes[0], is_new);
@@ -104,8 +105,9 @@ impl ScheduledLqrController {
         }
     }
 
-    /// Takes a measurement in while the load-holding valve is shut: position and load pressure are as measured, nothing moves, the payload may have changed;
-    /// parameters stay. An estimator that has diverged begins anew, and so does a regulator that is not finite.
+    /// Processes a measurement while the load-holding valve is shut: position and load pressure are as
+    /// measured, nothing moves, the payload may have changed; parameters stay. An estimator that has
+    /// diverged is initialised, and so is a regulator that is not finite.
     pub fn observe_held(&mut self, measurement: &Measurement) {
         let is_new = self.observed != Some(measurement.number);
         let input = self.input(&measurement.axes[0], is_new);
@@ -123,15 +125,15 @@ impl ScheduledLqrController {
         self.follow_operating_point();
     }
 
-    /// Begins control where the machine is, whatever controlled it before: the reference returns to `reference` \[m\] from the piston, the regulator has followed the
-    /// operating point.
+    /// Begins control at the machine's state, after any other controller: the reference returns to
+    /// `reference` \[m\] from the piston, the regulator has followed the operating point.
     pub fn take_over(&mut self, reference: f64) {
         if let (Some(estimated), Some(regulator)) = (&self.estimated, self.regulator) {
             self.state = Some(self.law.start(regulator, &self.estimator, estimated, reference));
         }
     }
 
-    /// Control goes to another controller; the regulator goes on with the operating point.
+    /// Another controller takes over; the regulator continues to follow the operating point.
     pub fn hand_over(&mut self) {
         if let Some(state) = self.state.take() {
             self.regulator = Some(state.regulator);
@@ -156,7 +158,7 @@ impl ScheduledLqrController {
     }
 
     fn begin(&mut self, input: &EstimatorInput<f64>) {
-        // nothing is known before every signal was good once
+        // no state is known before every signal was valid once
         if input.position_is_good + input.load_pressure_is_good > 1.5 {
             let mut begun = self.estimator.start(input);
             if let Some(retained) = self.retained.take() {
@@ -166,7 +168,7 @@ impl ScheduledLqrController {
         }
     }
 
-    /// What the estimator takes of a measurement.
+    /// Estimator input from a measurement.
     fn input(&mut self, axis: &AxisMeasurement, is_new: bool) -> EstimatorInput<f64> {
         let (signals, validity) = (&axis.signals, &axis.validity);
         let good = |of: Validity| is_new && of == Validity::Good;
@@ -233,7 +235,7 @@ impl Controller for ScheduledLqrController {
             (Some(state), Some(estimated)) => {
                 self.law.update(state, &self.estimator, estimated, preview)
             }
-            // nothing has been measured yet
+            // no measurement yet
             _ => 0.0,
         };
         self.command = command;

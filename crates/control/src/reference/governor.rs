@@ -1,4 +1,5 @@
-//! Reference governor: where the tracking error exceeds what is left to feedback, the reference is offset so that the error equals it; the offset decays at a limited rate.
+//! Reference governor: where the tracking error exceeds the range of feedback, the reference is offset so
+//! that the error equals it; the offset decays at a limited rate.
 //!
 //! It conditions the reference by the error alone and predicts no constraint, the simplest member of its family.
 //!

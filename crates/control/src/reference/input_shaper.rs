@@ -1,5 +1,5 @@
-//! Input shaping: a trajectory convolved with two (ZV) or three (ZVD) impulses, so that a lightly damped mode does not ring
-//! after it.
+//! Input shaping: a trajectory convolved with two (ZV) or three (ZVD) impulses, so that a lightly damped
+//! mode is not excited after it.
 //!
 //! Source: N. C. Singer and W. P. Seering, "Preshaping Command Inputs to Reduce System Vibration", Journal of Dynamic Systems,
 //! Measurement, and Control 112 (1), 1990, 76-82, doi:10.1115/1.2894142.
@@ -25,8 +25,8 @@ impl InputShaper {
         Self { impulses: [(1.0 / whole, 0.0), (k / whole, half), (0.0, 0.0)] }
     }
 
-    /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by frequency \[Hz\] is zero, too,
-    /// so that a mode somewhat beside it hardly rings either.
+    /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by
+    /// frequency \[Hz\] is zero, too. So a mode of a slightly different frequency is hardly excited either.
     pub fn zvd(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = (1.0 + k) * (1.0 + k);
@@ -34,12 +34,12 @@ impl InputShaper {
         Self { impulses }
     }
 
-    /// Time of the last impulse \[s\]: by so much later a shaped trajectory ends.
+    /// Time of the last impulse \[s\]: delay of the shaped trajectory's end.
     pub fn delay(&self) -> f64 {
         self.impulses.iter().fold(0.0, |latest, (_, later)| latest.max(*later))
     }
 
-    /// Mean time of the impulses \[s\], `Σ A_i t_i`: by so much a shaped ramp is late.
+    /// Mean time of the impulses \[s\], `Σ A_i t_i`: delay of a shaped ramp.
     pub fn mean_delay(&self) -> f64 {
         self.impulses.iter().map(|(share, later)| share * later).sum()
     }
@@ -74,13 +74,13 @@ impl<P: Trajectory> ShapedTrajectory<P> {
         Self { trajectory, shaper: InputShaper::zvd(frequency, damping) }
     }
 
-    /// By how much later than the trajectory it ends \[s\].
+    /// Delay of its end after that of the trajectory \[s\].
     pub fn delay(&self) -> f64 {
         self.shaper.delay()
     }
 }
 
-/// Half a period \[s\] of a mode, and what is left of it by then.
+/// Half a period \[s\] of a mode, and its relative amplitude after it.
 fn mode(frequency: f64, damping: f64) -> (f64, f64) {
     let root = Real::sqrt(1.0 - damping * damping);
     (0.5 / (frequency * root), Real::exp(-core::f64::consts::PI * damping / root))
@@ -105,7 +105,8 @@ mod tests {
     use super::*;
     use crate::reference::profile::{OutAndBack, RampShape};
 
-    /// Largest swing after the motion of a pendulum of 2.5 Hz whose support follows a trajectory, in millimetres.
+    /// Largest residual amplitude after the motion of a pendulum of 2.5 Hz whose support follows a
+    /// trajectory, in millimetres.
     fn residual_vibration(trajectory: &impl Trajectory, frequency: f64, damping: f64) -> f64 {
         let (w, step) = (core::f64::consts::TAU * frequency, 1e-4);
         let (mut swing, mut rate, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64);

@@ -43,7 +43,7 @@ pub struct PreviewAhead<T> {
 }
 
 impl<T: Real> PreviewAhead<T> {
-    /// Nothing after now is known.
+    /// Without preview.
     pub fn unknown() -> Self {
         let zero = T::zero();
         Self {
@@ -54,7 +54,8 @@ impl<T: Real> PreviewAhead<T> {
         }
     }
 
-    /// Of a trajectory, `at` being its set point so long \[s\] after now, up to so many control periods \[s\] after now; zero behind.
+    /// Of a trajectory, `at` being its set point at a time \[s\] after now, up to a number of control
+    /// periods \[s\] after now; zero beyond.
     pub fn new(period: T, length: usize, at: impl Fn(T) -> SetPoint<T>) -> Self {
         let zero = T::zero();
         let near = |k: usize| match k < length {
@@ -137,7 +138,8 @@ impl<T: Real> Preview<T> {
         }
     }
 
-    /// What is known of a trajectory: what was, is and will be asked, the last moved by `offset` \[m\]. Where no more is known it keeps its velocity.
+    /// Known part of a trajectory: past, present and future set points, the last moved by `offset` \[m\].
+    /// Beyond it the velocity is constant.
     pub fn known(
         period: T,
         behind: &PreviewBehind<T>,

@@ -1,6 +1,7 @@
-//! Feasible reference under the motor's speed limit: a trajectory that is faster is begun sooner, by half of the time that it would be late.
+//! Feasible reference under the motor's speed limit: a trajectory that is faster starts earlier, by half of
+//! its delay at the limit.
 //!
-//! So it is as far ahead at first as it is behind in the end.
+//! So its lead at the start equals its lag at the end.
 
 use super::preview::{PERIODS_BEHIND, Preview};
 use super::profile::SetPoint;
@@ -14,9 +15,9 @@ const PREVIEW_POINTS: usize = 51;
 /// Offsets of the feasible reference from the commanded one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLimit<T> {
-    /// Position \[m\] of the trajectory that is begun in time and limited in speed.
+    /// Position \[m\] of the trajectory that starts in time and is limited in speed.
     late: T,
-    /// Position \[m\] of the one that is begun sooner.
+    /// Position \[m\] of the one that starts earlier.
     feasible: T,
     /// Its offset \[m\] from the commanded reference, every 50 ms from now on.
     ahead: [T; PREVIEW_POINTS],

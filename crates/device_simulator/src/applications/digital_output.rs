@@ -7,7 +7,7 @@ use crate::controller::DistributedClock;
 use crate::device::{Area, Device, Settings};
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
 
-/// What the outputs switch: called with their bits.
+/// Function that the outputs switch: called with their bits.
 pub type Switched = Box<dyn FnMut(u32)>;
 
 /// The application of digital outputs.

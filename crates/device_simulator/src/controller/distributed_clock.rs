@@ -19,7 +19,7 @@ pub struct DistributedClock {
     pub start: u64,
     /// How much faster it runs than the bus's time \[ppb\].
     pub drift_ppb: i64,
-    /// What the control loop has added \[ns\].
+    /// Correction by the control loop \[ns\].
     correction: i64,
     /// Next SYNC0, system time \[ns\].
     next: Option<u64>,

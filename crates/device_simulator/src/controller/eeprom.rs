@@ -16,7 +16,7 @@ const READS_EIGHT: u16 = 0x0040;
 const COMMAND: u16 = 0x0700;
 /// Read.
 const READ: u16 = 0x0100;
-/// Load what the controller itself takes from the EEPROM anew.
+/// Reload the controller's own settings from the EEPROM.
 const RELOAD: u16 = 0x0400;
 /// Bit of the status: a command was refused.
 const REFUSED: u16 = 0x2000;

@@ -64,7 +64,7 @@ impl Fmmu {
     }
 }
 
-/// Copies bits from one array into another; what is beyond either end is left out.
+/// Copies bits from one array into another; bits beyond either end are omitted.
 pub fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, bits: usize) {
     if [to_bit, from_bit, bits].iter().all(|number| number.is_multiple_of(8)) {
         let target = to.iter_mut().skip(to_bit / 8).take(bits / 8);

@@ -38,7 +38,7 @@ pub struct Controller {
     events: Vec<Event>,
 }
 
-/// What the application is told.
+/// Events for the application.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Event {
     /// A state is requested: the written byte.
@@ -85,7 +85,7 @@ impl Controller {
         self.memory.set(DATA_LINK_STATUS, &status.to_le_bytes());
     }
 
-    /// Takes out what the application has to be told.
+    /// Takes out the events for the application.
     pub(crate) fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
@@ -192,7 +192,7 @@ impl Controller {
         }
     }
 
-    /// What a datagram with a logical address does. What is to be added to its working counter.
+    /// Processes a datagram with a logical address. Returns the increment of its working counter.
     pub fn logical(&mut self, address: u32, access: Access, data: &mut [u8], now: u64) -> u16 {
         let (mut was_read, mut was_written) = (false, false);
         let units: Vec<Fmmu> =

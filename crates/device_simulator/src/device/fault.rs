@@ -7,13 +7,13 @@ use crate::object_dictionary::{Abort, Key};
 /// A fault of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// It does not take part in so many frames: working counters are too low.
+    /// It ignores a number of frames: working counters are too low.
     Deaf(u32),
     /// It falls back to SAFEOP, with a reason.
     StateDrop(AlStatusCode),
     /// SYNC0 stays away.
     SyncMissing,
-    /// Its clock runs faster by so many ppb than it did.
+    /// Its clock becomes faster by a number of ppb.
     Drift(i64),
     /// The mailbox is not read.
     MailboxStuck,

@@ -47,7 +47,7 @@ pub struct Device {
     now: u64,
 }
 
-/// What the device has seen of outputs and SYNC0 since it went into SAFEOP.
+/// Outputs and SYNC0 events received since the device went into SAFEOP.
 #[derive(Clone, Copy, Debug, Default)]
 struct Synchrony {
     /// When outputs came last \[ns\].
@@ -483,7 +483,7 @@ impl Device {
         }
     }
 
-    /// The last message once more; its toggle is confirmed.
+    /// The last message is repeated; its toggle is confirmed.
     fn repeat(&mut self) {
         let Some([_, area]) = self.settings.mailbox else { return };
         let at = 0x0806 + 8 * area.sync_manager;

@@ -1,4 +1,4 @@
-//! State machine of a device (ESM): which states may be requested, and what is checked on the way.
+//! State machine of a device (ESM): which states may be requested, and the checks of each transition.
 
 use super::settings::{Area, MAILBOX_CONTROL, MODE_AND_DIRECTION, PROCESS_DATA_CONTROL, Settings};
 use crate::al_status_code::AlStatusCode;
@@ -89,7 +89,7 @@ fn mailboxes(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     Ok(())
 }
 
-/// What is mapped can be, and the sync managers have its length.
+/// The mapping is allowed, and the sync managers have its length.
 fn process_data(
     memory: &Memory,
     settings: &Settings,

@@ -171,7 +171,8 @@ pub(super) fn comparison() -> Unit {
         kind: Kind::FunctionBlock,
         name: COMPARISON.into(),
         comment: format!(
-            "Stores the largest difference, as a share of a scale. One that is not finite counts as {most}, and remains the largest."
+            "Stores the largest difference, as a share of a scale. One that is not finite counts as {most}, and \
+             remains the largest."
         ),
         variables: vec![
             variable(Section::Input, "bReset", "BOOL", "Restart"),

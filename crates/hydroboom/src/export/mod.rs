@@ -73,7 +73,7 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     for file in files {
         let path = folder.join(&file.name);
         output::file(&path, file.content.as_bytes());
-        // in a folder that could not be created no file was written, whatever the write returned
+        // in a folder that could not be created no file was written, for any result of the write
         if output::is_written(&path) {
             made.push((path, file));
         }

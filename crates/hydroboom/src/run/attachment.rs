@@ -20,9 +20,9 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// Interval of the check for the end of the wait \[ns\].
-const LOOK: u64 = 100_000_000;
+const POLL_INTERVAL: u64 = 100_000_000;
 /// Time after which the wait is reported.
-const SILENT: Duration = Duration::from_millis(300);
+const REPORT_AFTER: Duration = Duration::from_millis(300);
 
 /// Opens the port for a model's control period.
 pub fn open(port: u16, model: &Description) -> Result<(BusTask, LocalMachine)> {
@@ -35,7 +35,7 @@ pub fn wait_for_machine(bus: &mut BusTask, desk: &Desk) -> Result<bool> {
     let (begun, port) = (Instant::now(), bus.port());
     let mut is_said = false;
     while !bus.endpoint.has_begun() {
-        bus.wait(LOOK);
+        bus.wait(POLL_INTERVAL);
         // the clock is not used before the session begins
         bus.receive(0);
         if let Some(difference) = bus.endpoint.difference() {
@@ -44,7 +44,7 @@ pub fn wait_for_machine(bus: &mut BusTask, desk: &Desk) -> Result<bool> {
         if desk.is_closing() {
             return Ok(false);
         }
-        if !is_said && begun.elapsed() > SILENT {
+        if !is_said && begun.elapsed() > REPORT_AFTER {
             is_said = true;
             output::note(&format!(
                 "waiting for a machine at UDP port {port} of 127.0.0.1: start it (docs/reference/machine-interface.md has examples); Ctrl-C ends"

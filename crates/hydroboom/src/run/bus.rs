@@ -1,4 +1,4 @@
-//! A machine on EtherCAT: its table, its start, and what is said of it.
+//! A machine on EtherCAT: its table, its start, and its report.
 
 use super::attachment::Attached;
 use super::bus_log::BusLog;
@@ -54,7 +54,7 @@ pub fn open(interface: &str) -> Result<RawSocket> {
     RawSocket::open(interface).into_diagnostic()
 }
 
-/// Starts the bus at an interface that is open; with what is to be logged of it.
+/// Starts the bus at an open interface; returns it with its log.
 pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attached, BusLog)> {
     let delay = table.bus.delay();
     let about = table.clone();
@@ -79,7 +79,7 @@ pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attach
     Ok((Attached::OnFieldbus(thread, Box::new(machine)), BusLog::new(about, records)))
 }
 
-/// Shares of a distribution that are shown.
+/// Reported quantiles of a distribution.
 const SHARES: [f64; 4] = [0.001, 0.01, 0.5, 0.99];
 
 /// For machines.

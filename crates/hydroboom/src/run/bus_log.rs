@@ -26,7 +26,7 @@ const FIELDS: [(&str, &str); 14] = [
     ("fault", "string"),
 ];
 
-/// What is logged of a bus.
+/// Log records of a bus.
 pub struct BusLog {
     table: Table,
     records: Consumer<CycleRecord>,
@@ -76,7 +76,7 @@ fn message(table: &Table, cycle: &CycleRecord, time: f64) -> Map<String, Value> 
         ["second_phase_us", "second_working_counter"],
     ];
     for ([phase, counter], exchange) in names.iter().zip(&cycle.exchanges) {
-        // what is lost is left out
+        // lost records are omitted
         if let (Some(time), Some(count)) = (exchange.phase, exchange.working_counter) {
             put(phase, json!(1e-3 * f64::from(time)));
             put(counter, json!(count));

@@ -50,7 +50,7 @@ use std::net::SocketAddr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Arc;
-use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
+use watch::{CourseResult, Courses, Plan, RequestedCourse, Switch, Watch};
 
 /// Run the motion in real time on a machine: the virtual crane in another process, one on the local interface, or
 /// devices on EtherCAT.
@@ -186,11 +186,12 @@ impl Run {
         let has_benchmark =
             |of: &Strategy| !matches!(of, Strategy::VelocityFeedforward | Strategy::ScheduledLqr);
         if [strategy, then].iter().any(has_benchmark) {
-            let hung = wanted.hung.iter().map(|(_, mass)| *mass);
+            let payload_changes = wanted.payload_changes.iter().map(|(_, mass)| *mass);
             let payloads = [&cranes.model, &cranes.machine].map(|crane| crane.numbers.payload);
-            let (low, high) = hung.chain(payloads).fold((f64::INFINITY, 0.0), |(low, high), kg| {
-                (f64::min(low, kg), f64::max(high, kg))
-            });
+            let (low, high) =
+                payload_changes.chain(payloads).fold((f64::INFINITY, 0.0), |(low, high), kg| {
+                    (f64::min(low, kg), f64::max(high, kg))
+                });
             if let Some(remark) = benchmark_gains::kept(&cranes.model, [low, high])? {
                 output::warn(&remark);
             }
@@ -202,7 +203,7 @@ impl Run {
         let alone = cranes.beforehand(&wanted, switch, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
         let begin = (strategy, limits, retained);
-        if is_attached && !wanted.hung.is_empty() {
+        if is_attached && !wanted.payload_changes.is_empty() {
             output::note("a person at the machine has to make the scenario's payload changes");
         }
         let mut bus_log = None;
@@ -368,7 +369,7 @@ impl Run {
         &self,
         cranes: &Cranes,
         desk: &Arc<Desk>,
-        wanted: Wanted,
+        wanted: RequestedCourse,
         switch: Switch,
     ) -> Result<Watch> {
         let log = match &self.log {
@@ -562,7 +563,7 @@ impl Cranes {
     }
 
     /// Course at a speed \[mm/s\] or of a scenario.
-    fn course(&self, speed_mm_s: Option<f64>, scenario: Option<&str>) -> Result<Wanted> {
+    fn course(&self, speed_mm_s: Option<f64>, scenario: Option<&str>) -> Result<RequestedCourse> {
         let speed = speed_mm_s.map_or(self.model.numbers.fast, |mm_s| mm_s * 1e-3);
         let speeds = self.speeds_mm_s();
         if speed_mm_s.is_some_and(|mm_s| !speeds.contains(&mm_s)) {
@@ -578,8 +579,12 @@ impl Cranes {
             None => CourseChoice::Motion(speed),
         };
         let course = choice.of(&self.machine).into_diagnostic()?;
-        let hung = course.loads().iter().map(|load| (load.time, load.mass)).collect();
-        Ok(Wanted { name: course.name(), path: Arc::from(course as Box<dyn Trajectory>), hung })
+        let payload_changes = course.loads().iter().map(|load| (load.time, load.mass)).collect();
+        Ok(RequestedCourse {
+            name: course.name(),
+            path: Arc::from(course as Box<dyn Trajectory>),
+            payload_changes,
+        })
     }
 
     /// Range of the motion's speed \[mm/s\].
@@ -604,7 +609,7 @@ impl Cranes {
     /// The course in simulated time for comparison; none if it is not requested or too long.
     fn beforehand(
         &self,
-        wanted: &Wanted,
+        wanted: &RequestedCourse,
         switch: Switch,
         is_needless: bool,
     ) -> Result<Option<CourseResult>> {

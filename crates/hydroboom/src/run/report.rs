@@ -24,7 +24,7 @@ pub struct Report<'a> {
     pub synchronised: u32,
     /// Deadline statistics.
     pub real_time: Option<&'a RealTime>,
-    /// What the attachment of a machine came to.
+    /// Result of the attachment of a machine.
     pub bus: Option<&'a AttachmentResult>,
 }
 

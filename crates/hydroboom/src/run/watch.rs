@@ -16,7 +16,7 @@ use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
 use hydroboom_realtime::log::{LogError, LogWriter};
 use hydroboom_realtime::readiness::start_waits_for;
-use hydroboom_realtime::session::{Attendant, Hung, Order, Session};
+use hydroboom_realtime::session::{Attendant, Order, PayloadChange, Session};
 use hydroboom_realtime::trouble::Tampering;
 use hydroboom_virtual_crane::Truth;
 use miette::{IntoDiagnostic, Result};
@@ -61,13 +61,13 @@ pub struct CourseResult {
 
 /// Requested trajectory with its name and payload changes.
 #[derive(Clone)]
-pub struct Wanted {
+pub struct RequestedCourse {
     /// Name.
     pub name: String,
     /// Trajectory of the piston.
     pub path: Arc<dyn Trajectory>,
     /// Payload changes.
-    pub hung: Vec<Hung>,
+    pub payload_changes: Vec<PayloadChange>,
 }
 
 /// Change of strategy during a course.
@@ -119,7 +119,7 @@ pub struct Plan {
 pub struct Watch {
     session: Session,
     desk: Arc<Desk>,
-    wanted: Wanted,
+    wanted: RequestedCourse,
     switch: Option<Switch>,
     plan: Option<Plan>,
     log: Option<LogWriter>,
@@ -156,7 +156,7 @@ pub struct Watch {
 }
 
 /// Builder of the trajectory of a course requested at the dashboard.
-pub type Courses = Box<dyn Fn(&dashboard::Course) -> Result<Wanted>>;
+pub type Courses = Box<dyn Fn(&dashboard::Course) -> Result<RequestedCourse>>;
 
 /// Requested start.
 struct Start {
@@ -168,7 +168,7 @@ struct Start {
 /// Time after which a request that was not accepted has been dropped \[s\].
 const TAKEN_UP: f64 = Desk::START_WITHIN + 0.1;
 /// Time after which a waiting state is reported \[s\].
-const SILENT: f64 = 2.0;
+const REPORT_AFTER: f64 = 2.0;
 /// Pause after a course or a fault \[s\].
 const PAUSE: f64 = 1.0;
 /// Largest number of records kept of a course: twenty minutes.
@@ -176,7 +176,7 @@ const MOST_RECORDS: usize = 1_200_000;
 
 impl Watch {
     /// Attendant of a session with a requested trajectory.
-    pub fn new(session: Session, desk: Arc<Desk>, wanted: Wanted) -> Self {
+    pub fn new(session: Session, desk: Arc<Desk>, wanted: RequestedCourse) -> Self {
         Self {
             session,
             desk,
@@ -247,8 +247,9 @@ impl Watch {
     ///
     /// If the model has no state of rest there.
     pub fn prepare(&mut self) -> Result<()> {
-        let (path, hung) = (Arc::clone(&self.wanted.path), self.wanted.hung.clone());
-        self.orders.extend(self.session.prepare(path, hung).into_diagnostic()?);
+        let (path, payload_changes) =
+            (Arc::clone(&self.wanted.path), self.wanted.payload_changes.clone());
+        self.orders.extend(self.session.prepare(path, payload_changes).into_diagnostic()?);
         Ok(())
     }
 
@@ -310,9 +311,9 @@ impl Attendant for Watch {
     }
 
     fn orders(&mut self) -> Vec<Order> {
-        self.ask();
+        self.request_start();
         self.follow_plan();
-        self.follow_demands();
+        self.apply_demands();
         let mut orders = std::mem::take(&mut self.orders);
         orders.extend(self.session.orders());
         orders
@@ -422,7 +423,7 @@ impl Watch {
         self.say(&format!("{:8.3} s  the machine reports: {}{fault}", record.time, status.name()));
     }
 
-    /// Prints the waiting condition after [`SILENT`]; waiting for a start with the load held is not
+    /// Prints the waiting condition after [`REPORT_AFTER`]; waiting for a start with the load held is not
     /// reported.
     fn say_waiting(&mut self, decision: &Decision) {
         let usual = matches!(
@@ -431,7 +432,7 @@ impl Watch {
         );
         if !self.speaks
             || usual
-            || decision.waited < SILENT
+            || decision.waited < REPORT_AFTER
             || self.waiting == Some(decision.waiting)
         {
             return;
@@ -576,7 +577,7 @@ impl Watch {
     }
 
     /// Requests the start of the prepared course, and reports the fate of the last request.
-    fn ask(&mut self) {
+    fn request_start(&mut self) {
         let Some(last) = self.session.last() else { return };
         let (now, state) = (last.time, last.decision.state);
         if let Some(start) = self.start.take() {
@@ -599,7 +600,7 @@ impl Watch {
         }
     }
 
-    fn follow_demands(&mut self) {
+    fn apply_demands(&mut self) {
         let Some((dashboard, _)) = &mut self.dashboard else { return };
         for demand in dashboard.demands() {
             match demand {

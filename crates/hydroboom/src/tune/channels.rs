@@ -81,7 +81,8 @@ pub fn at_limit(channels: &[Channel]) -> impl Iterator<Item = String> {
         let allowed = c.nuisance.allowed();
         let [low, high] = allowed.range;
         format!(
-            "{} of {} ends at its limit ({low:+} to {high:+} {}): a value beyond it would fit better, and the remainder is attributed to the keys. Write a known value into the mapping, or look for another cause",
+            "{} of {} ends at its limit ({low:+} to {high:+} {}): a value beyond it would fit better, and the \
+             remainder is attributed to the keys. Write a known value into the mapping, or look for another cause",
             c.nuisance.path(),
             c.log,
             allowed.unit

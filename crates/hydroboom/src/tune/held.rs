@@ -159,7 +159,8 @@ pub fn said(held: &[HeldOut]) -> String {
         for d in &h.whole {
             let (Some(log), Some(model)) = (d.ringing, d.model_ringing) else { continue };
             said += &format!(
-                "\nwithout {} to {} s: {} oscillates at {:.3} Hz, the model at {:.3} Hz ({:+.1} %); damping {}, the model's {}",
+                "\nwithout {} to {} s: {} oscillates at {:.3} Hz, the model at {:.3} Hz ({:+.1} %); damping {}, \
+                 the model's {}",
                 h.stretch.from,
                 h.stretch.to,
                 d.signal.symbol(),

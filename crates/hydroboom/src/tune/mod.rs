@@ -540,7 +540,8 @@ fn open(found: &Fit) -> impl Iterator<Item = (&Tuned, String)> {
 
 /// Remark on a search from one set of initial values whose model is not right.
 const LOCAL_SEARCH: &str = "the tuned model is not right, and the search was a local one. It may have ended in a \
-    local minimum; then the reasons given for keys do not hold. --generations 20 searches wider; --set starts the search elsewhere, near the values that `hydroboom validate` suggests";
+    local minimum; then the reasons given for keys do not hold. --generations 20 searches wider; --set changes \
+    its start, to values that `hydroboom validate` suggests";
 
 /// Number with five significant digits.
 struct Shown(f64);

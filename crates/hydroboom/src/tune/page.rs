@@ -62,8 +62,10 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         h2 { "The keys" }
         (keys(found))
         p.soft {
-            "The interval is that of the sandwich covariance: residuals count with their correlation in time and between channels, fixed keys with their prior. "
-            "Prior sd: prior standard deviation by provenance and range. Sd from logs: standard deviation from the logs alone."
+            "The interval is that of the sandwich covariance: residuals count with their correlation in time and \
+             between channels, fixed keys with their prior. "
+            "Prior sd: prior standard deviation by provenance and range. Sd from logs: standard deviation from \
+             the logs alone."
         }
         @if !found.channels.is_empty() {
             h2 { "Delay and offset of each channel" }
@@ -154,8 +156,10 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
     let number = |v: Option<f64>, digits: usize| crate::output::optional(v, digits);
     html! {
         p {
-            "RMS differences on stretches that were not fitted. Beside the model: the regression line through half as long a "
-            "stretch before, the last value, and the regression line through the stretch itself, which is no prediction: no smooth course is "
+            "RMS differences on stretches that were not fitted. Beside the model: the regression line through \
+             half as long a "
+            "stretch before, the last value, and the regression line through the stretch itself, which is no \
+             prediction: no smooth course is "
             "much better."
         }
         div.wide { table {

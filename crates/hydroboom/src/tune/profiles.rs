@@ -15,8 +15,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// The option that asks for profiles.
 #[derive(Args, Clone)]
 pub struct Profiles {
-    /// Keys whose profile likelihood is wanted: held at values beside the one found, all else searched for anew. Keys with
-    /// commas between them, or `weak` for those that the logs do not determine.
+    /// Keys whose profile likelihood is computed: each is fixed at values about its optimum, and all others
+    /// are fitted again. Keys with commas between them, or `weak` for those that the logs do not determine.
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     profile: Vec<String>,
 }

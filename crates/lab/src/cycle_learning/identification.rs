@@ -153,7 +153,8 @@ fn improbable(tuned: &[Tuned]) -> Option<String> {
         .collect();
     (chance < IMPROBABLE).then(|| {
         format!(
-            "the {} keys that the log determines deviate from their prior more than the file's crane would (chi-squared {square:.0}): {}",
+            "the {} keys that the log determines deviate from their prior more than the file's crane would \
+             (chi-squared {square:.0}): {}",
             far.len(),
             named.join(", ")
         )

@@ -80,7 +80,8 @@ pub fn identify_log(
     for j in judged.iter().filter(wrong) {
         let (unit, size) = j.signal.shown();
         refusals.push(format!(
-            "no model near the crane file's reproduces this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is it a log of another crane?",
+            "no model near the crane file's reproduces this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is \
+             it a log of another crane?",
             j.signal.symbol(),
             j.found / size,
             j.limit / size
@@ -141,7 +142,8 @@ fn too_little_motion(model: &Description, log: &Signals, window: Window) -> Opti
     let [out, back] = travel.map(|travel| 1e3 * travel);
     travel.iter().any(|travel| *travel < LEAST_TRAVEL * motion).then(|| {
         format!(
-            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm. To identify pump and friction for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
+            "the log's piston moves out by {out:.1} mm and back by {back:.1} mm. To identify pump and friction \
+             for a motion of {:.0} mm, {:.0} mm each way are needed: record one whole cycle",
             1e3 * motion,
             1e3 * LEAST_TRAVEL * motion
         )

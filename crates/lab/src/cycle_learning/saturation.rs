@@ -25,7 +25,8 @@ pub(crate) fn saturations(model: &Description, commands: &[f64], period: f64) ->
             false => String::new(),
         };
         said.push(format!(
-            "the motor's speed is at its limit of {:.0} rpm for {:.3} s, from {:.3} s on{beyond}: no correction can compensate this fully",
+            "the motor's speed is at its limit of {:.0} rpm for {:.3} s, from {:.3} s on{beyond}: no correction \
+             can compensate this fully",
             n.motor_speed * 60.0,
             saturated.len() as f64 * period,
             time(*first)
@@ -38,7 +39,8 @@ pub(crate) fn saturations(model: &Description, commands: &[f64], period: f64) ->
     if let Some((k, lack)) = most.filter(|(_, lack)| *lack > TOLD * n.motor_speed) {
         let count = lacks.filter(|lack| *lack > TOLD * n.motor_speed).count();
         said.push(format!(
-            "the motor's slew of {:.0} rpm/s limits it for {:.3} s; at {:.3} s it lacks {:.0} rpm: no correction can compensate this fully",
+            "the motor's slew of {:.0} rpm/s limits it for {:.3} s; at {:.3} s it lacks {:.0} rpm: no correction \
+             can compensate this fully",
             n.motor_slew * 60.0,
             count as f64 * period,
             time(k),

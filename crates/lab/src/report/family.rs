@@ -172,7 +172,8 @@ fn explanation() -> Markup {
             "remedy is feedback of the difference from the simulation."
         }
         p {
-            "The scheduled LQR (ours) needs no simulated crane for that: it feeds back the difference between the estimated state and the "
+            "The scheduled LQR (ours) needs no simulated crane for that: it feeds back the difference between the \
+             estimated state and the "
             "inverse dynamics of the reference, so that nothing is damped twice."
         }
     }

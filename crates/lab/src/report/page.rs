@@ -334,8 +334,10 @@ fn test_4(study: &Study) -> Markup {
         h2 { "Test 4: scheduled LQR" }
         p {
             "Ours, not the paper's. An extended Kalman filter estimates position, velocity and load pressure of the load, friction, unknown force and flow, payload "
-            "and the oil's transition pressure; a linear-quadratic regulator, scheduled over these, feeds back their difference from the inverse dynamics of "
-            "the reference, which is smoothed over a preview of 0.4 s and limited by a governor to what the motor can follow. The published strategies have "
+            "and the oil's transition pressure; a linear-quadratic regulator, scheduled over these, feeds back \
+             their difference from the inverse dynamics of "
+            "the reference, which is smoothed over a preview of 0.4 s and limited by a governor to what the motor \
+             can follow. The published strategies have "
             "no preview of the reference. The figures are with those of tests 1 to 3."
         }
         div.wide { table {

@@ -17,7 +17,7 @@ use hydroboom_math::Real;
 /// The boom's mass matrix, plus joint impedances, factored at one pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Articulated<T, const N: usize> {
-    /// Reciprocal of each segment's inertia with all that hangs on it, 1/D.
+    /// Reciprocal of each segment's inertia with all outer segments, 1/D.
     inverse: [T; N],
     /// Coupling of each segment to the acceleration of its inner joint, g.
     coupling: [(T, T); N],
@@ -47,7 +47,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         }
         // effective mass of all that lies beyond the outer joint, symmetric 2x2
         let (mut axx, mut axy, mut ayy) = (zero, zero, zero);
-        // what the outer neighbour passes on: κ/D, κ (1 − κ/D), g
+        // coefficients of the outer neighbour: κ/D, κ (1 − κ/D), g
         let (mut share, mut stiffening, mut outer) = (zero, zero, (zero, zero));
         for i in (0..n).rev() {
             let s = &self.segments[i];

@@ -63,7 +63,7 @@ record! {
 pub enum LayoutError {
     /// There are none, or more than the boom's type has room for.
     Count {
-        /// Segments asked for.
+        /// Requested number of segments.
         asked: usize,
         /// The largest number possible.
         most: usize,

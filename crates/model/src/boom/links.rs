@@ -18,7 +18,7 @@ pub struct Link<T> {
 }
 
 record! {
-    /// What hangs on the last segment, in that segment's frame.
+    /// Load at the last segment, in that segment's frame.
     pub struct Payload<T> {
         /// Mass
         #[unit = "kg"]

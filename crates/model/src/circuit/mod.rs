@@ -18,7 +18,7 @@ pub const STIFF: usize = 5;
 /// The most other coordinates of a circuit.
 pub const SLOW: usize = 1;
 
-/// The state of any circuit as the schemes see it; what a circuit does not need stays zero.
+/// The state of any circuit for the integration schemes; entries that a circuit does not need stay zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates<T> {
     /// Pressure coordinates \[Pa\], which orifices and oil make stiff, and what moves as fast: the implicit scheme solves
@@ -28,11 +28,11 @@ pub struct Coordinates<T> {
     pub slow: [T; SLOW],
 }
 
-/// What makes the cylinder move, over one number type.
+/// Hydraulic circuit of the cylinder, over one number type.
 pub trait Circuit<T: Real>: Copy + core::fmt::Debug {
-    /// What it remembers; also the rates of change of that.
+    /// Its state; also the rates of change of that.
     type State: Copy + core::fmt::Debug;
-    /// What acts on it from outside, held over a step.
+    /// Its input, constant over a step.
     type Input: Copy + core::fmt::Debug;
     /// The same circuit over another number type.
     type Over<U: Real>: Circuit<U>;

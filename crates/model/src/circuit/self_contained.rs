@@ -30,7 +30,7 @@ record! {
     }
 }
 
-/// What the circuit remembers.
+/// State of the circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CircuitState<T> {
     /// Pressure coordinates \[Pa\]: gauge pressures, or cavities below vapour pressure (see
@@ -87,8 +87,8 @@ record! {
 pub struct SelfContained<T> {
     /// Oil in all nodes.
     pub oil: Oil<T>,
-    /// By how much dissolved air lowers the pressure at which the oil stiffens, node by node
-    /// \[Pa\]; the published model does not know it. It changes slowly, from outside.
+    /// By how much dissolved air lowers the pressure at which the oil stiffens, node by node \[Pa\]; the
+    /// published model omits it. It is a slow input.
     pub dissolved_air: Option<Nodes<T>>,
     /// Axial piston machine (11).
     pub pump: Pump<T>,

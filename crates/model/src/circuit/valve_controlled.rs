@@ -6,7 +6,7 @@ use crate::hydraulics::{Cylinder, Oil, Orifice};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// What acts on a valve-controlled circuit from outside, held over a step.
+    /// Input of a valve-controlled circuit, constant over a step.
     pub struct ValveInput<T> {
         /// Command of the valve
         #[unit = "V"]
@@ -21,7 +21,7 @@ record! {
 }
 
 record! {
-    /// What a valve-controlled circuit remembers.
+    /// State of a valve-controlled circuit.
     pub struct ValveCircuitState<T> {
         /// Pressure coordinate of the piston side and its hose (see [`Oil`])
         #[unit = "Pa"]
@@ -153,8 +153,8 @@ record! {
 }
 
 impl<T: Real> TrappedAir<T> {
-    /// Volume \[m³\] at a gauge pressure \[Pa\] of so much air at atmospheric pressure \[m³\], and what a pascal more takes
-    /// off it \[m³/Pa\].
+    /// Volume \[m³\] at a gauge pressure \[Pa\] of a volume of air at atmospheric pressure \[m³\], and its
+    /// decrease per pascal \[m³/Pa\].
     #[inline(always)]
     fn volume(&self, amount: T, pressure: T) -> (T, T) {
         let absolute = pressure + self.atmosphere;

@@ -1,4 +1,4 @@
-//! Oil: stiffness, density, stored energy, and what happens below vapour pressure.
+//! Oil: stiffness, density, stored energy, and cavitation below vapour pressure.
 
 use hydroboom_math::{Real, record};
 

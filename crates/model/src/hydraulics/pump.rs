@@ -49,7 +49,7 @@ impl<T: Real> Slip<T> {
 pub struct Pump<T> {
     /// Displacement per revolution, K_VP \[m³/rev\].
     pub displacement: T,
-    /// What becomes of the displaced volume on its way to side A.
+    /// Delivery of the displaced volume to side A.
     pub delivery: Delivery<T>,
 }
 

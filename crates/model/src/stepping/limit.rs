@@ -5,7 +5,7 @@ use crate::hydraulics::{Friction, FrictionLaw};
 use core::fmt;
 use hydroboom_math::Real;
 
-/// What bounds a step of the published scheme.
+/// Limits of a step of the published scheme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepBound {
     /// The fastest bending mode.
