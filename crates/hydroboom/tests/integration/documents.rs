@@ -101,8 +101,11 @@ fn end_of_span(text: &str, marks: usize) -> Option<usize> {
     None
 }
 
+/// Line, and the text of a link there.
+type Place = (usize, String);
+
 /// Targets of links and images in Markdown without code, each with its line, and labels that are not defined.
-fn links(text: &str) -> (Vec<(usize, String)>, Vec<(usize, String)>) {
+fn links(text: &str) -> (Vec<Place>, Vec<Place>) {
     let line = |at: usize| text[..at].matches('\n').count() + 1;
     let target = |text: &str| {
         let text = text.trim_start();
