@@ -5,30 +5,30 @@ use crate::circuit::{Circuit, CircuitState, Flows, Nodes, SelfContained};
 use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
 use hydroboom_math::{Real, record};
 
-/// A crane: one boom with at most `N` segments, one cylinder, one circuit. Never changes during a
-/// run.
+/// Parameters of a crane: a boom with at most `N` coordinates, one cylinder, and one hydraulic circuit. Constant
+/// during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crane<T, const N: usize, C = SelfContained<T>> {
-    /// What moves the cylinder.
+    /// Hydraulic circuit that drives the cylinder.
     pub circuit: C,
-    /// Cylinder.
+    /// Areas, stroke and dead volumes of the differential cylinder.
     pub cylinder: Cylinder<T>,
-    /// Stops at both ends of its stroke.
+    /// Mechanical stops at both ends of the stroke.
     pub end_stops: EndStops<T>,
-    /// Friction of piston and rod.
+    /// Friction law of piston and rod seals.
     pub friction: Friction<T>,
-    /// Boom and payload.
+    /// Flexible boom with its payload.
     pub boom: Boom<T, N>,
 }
 
-/// All that changes during a run.
+/// State of a crane: every quantity that is integrated in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CraneState<T, const N: usize, S = CircuitState<T>> {
     /// Angles and angular velocities of the boom.
     pub boom: BoomState<T, N>,
     /// Bristle deflection of the friction law \[m\]; zero for laws without memory.
     pub bristle: T,
-    /// What the circuit remembers: its pressures, above all.
+    /// Pressures and other states of the hydraulic circuit.
     pub circuit: S,
 }
 
@@ -39,12 +39,12 @@ pub struct CraneRates<T, const N: usize, S = CircuitState<T>> {
     pub angular_acceleration: [T; N],
     /// Rate of the bristle deflection \[m/s\].
     pub bristle: T,
-    /// Rates of what the circuit remembers, each in its unit per second.
+    /// Rates of the circuit's states, each in its unit per second.
     pub circuit: S,
 }
 
 record! {
-    /// What acts on the crane from outside, held over a step.
+    /// Inputs of a crane with a self-contained circuit, constant over a step.
     pub struct Input<T> {
         /// Pump speed n, positive when it delivers to the piston side
         #[unit = "rev/s"]
@@ -56,7 +56,7 @@ record! {
 }
 
 record! {
-    /// What can be seen of a crane: measured quantities first.
+    /// Outputs of a crane, quantities that machines measure first. Pressures are gauge.
     pub struct Outputs<T> {
         /// Piston position from the lower stop, x_cyl
         #[unit = "m"]
@@ -135,7 +135,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
         PistonForces { cylinder, friction, end_stops, bristle_rate }
     }
 
-    /// Rates of change of every state.
+    /// State derivatives of boom (26), friction and circuit at a state and an input.
     #[inline(always)]
     pub fn derivative(
         &self,
@@ -172,7 +172,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
         CraneRates { angular_acceleration, bristle: forces.bristle_rate, circuit }
     }
 
-    /// The same crane over another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn over<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> Crane<U, N, C::Over<U>> {
         Crane {
             circuit: self.circuit.over(f),
@@ -201,7 +201,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
 }
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// What can be seen of the crane in this state.
+    /// Outputs (positions, gauge pressures, forces) at a state.
     pub fn outputs(&self, state: &CraneState<T, N>) -> Outputs<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);
@@ -238,7 +238,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         }
     }
 
-    /// All flows of the circuit in this state.
+    /// Volume flows \[m³/s\] of the circuit at a state and an input.
     pub fn flows(&self, state: &CraneState<T, N>, input: &Input<T>) -> Flows<T> {
         let pressures = self.circuit.pressures(&state.circuit);
         self.circuit.flows(&pressures, input.pump_speed, input.holding_valve)
@@ -257,7 +257,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
 }
 
 impl<T, const N: usize> Crane<T, N> {
-    /// The same crane in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Crane<U, N> {
         Crane {
             circuit: self.circuit.map(f),
@@ -270,7 +270,7 @@ impl<T, const N: usize> Crane<T, N> {
 }
 
 impl<T, const N: usize> CraneState<T, N> {
-    /// The same state in another number type.
+    /// Converts every state to another number type by `f`.
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> CraneState<U, N> {
         CraneState {
             boom: BoomState {

@@ -12,7 +12,7 @@ use core::array::from_fn;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Energy in all its forms.
+    /// Energy stored in a crane, by form.
     pub struct Energy<T> {
         /// Motion of boom and payload
         #[unit = "J"]
@@ -39,15 +39,14 @@ record! {
 }
 
 impl<T: Real> Energy<T> {
-    /// Sum of all forms \[J\].
+    /// Total energy, the sum of all forms \[J\].
     pub fn total(&self) -> T {
         self.to_array().into_iter().fold(T::zero(), |sum, energy| sum + energy)
     }
 }
 
 record! {
-    /// Power by name: what the pump adds, what is lost where, and what the equations' mass defects
-    /// add.
+    /// Power balance of a crane: pump work, losses by component, and what equations that do not conserve mass add.
     pub struct Power<T> {
         /// Pump on the oil, k_flow Q_P p_PA − Q_P p_PB
         #[unit = "W"]
@@ -83,7 +82,7 @@ record! {
 }
 
 impl<T: Real> Power<T> {
-    /// All that is lost \[W\].
+    /// Sum of all losses \[W\].
     pub fn losses(&self) -> T {
         self.loss_holding_valves
             + self.loss_leakage
@@ -101,7 +100,7 @@ impl<T: Real> Power<T> {
 }
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Energy of a state.
+    /// Stored energy at a state.
     pub fn energy(&self, state: &CraneState<T, N>) -> Energy<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let stroke = self.boom.cylinder_pose(&pose).stroke;
@@ -129,7 +128,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         }
     }
 
-    /// Power in a state under an input.
+    /// Power balance at a state and an input.
     pub fn power(&self, state: &CraneState<T, N>, input: &Input<T>) -> Power<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);

@@ -14,7 +14,9 @@
 use super::{Boom, Pose};
 use hydroboom_math::Real;
 
-/// The boom's mass matrix, plus joint impedances, factored at one pose.
+/// Factors of the boom's mass matrix M(φ) (26) at one pose, by the articulated-body method.
+///
+/// Joint impedances \[kg·m²\] may be added to it, as an implicit step needs: `(γh)² k_C + γh b_C`.
 #[derive(Clone, Copy, Debug)]
 pub struct Articulated<T, const N: usize> {
     /// Reciprocal of each segment's inertia with all that hangs on it, 1/D.
@@ -29,7 +31,8 @@ pub struct Articulated<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Boom<T, N> {
-    /// Factors the mass matrix at a pose, with an impedance \[kg·m²\] for every joint or with none.
+    /// Factors the mass matrix M(φ) (26) at a pose. `impedance` \[kg·m²\], one per joint, is added; `None`
+    /// adds none.
     #[inline(always)]
     pub fn articulated(&self, pose: &Pose<T, N>, impedance: Option<&[T; N]>) -> Articulated<T, N> {
         let zero = T::zero();
@@ -90,7 +93,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
 }
 
 impl<T: Real, const N: usize> Articulated<T, N> {
-    /// Angular accelerations \[rad/s²\] under the given moments \[N·m\].
+    /// Angular accelerations φ̈ = M⁻¹ l \[rad/s²\] of all coordinates under generalised moments l \[N·m\].
     #[inline(always)]
     pub fn solve(&self, boom: &Boom<T, N>, moment: &[T; N]) -> [T; N] {
         let zero = T::zero();

@@ -38,7 +38,7 @@ record! {
 }
 
 record! {
-    /// Where bearing, cylinder foot and cylinder mount lie (Table 1, figure 2).
+    /// Positions of bearing, cylinder foot and cylinder mount (Table 1, figure 2).
     pub struct Geometry<T> {
         /// Cylinder mount C along the straight boom
         #[unit = "m"]
@@ -58,19 +58,19 @@ record! {
     }
 }
 
-/// Why a division of the boom into segments is impossible.
+/// Reason why a boom cannot be divided into segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LayoutError {
-    /// There are none, or more than the boom's type has room for.
+    /// The number of segments is zero, or larger than the boom's type has room for.
     Count {
-        /// Segments asked for.
+        /// Requested number of segments.
         asked: usize,
-        /// The largest number possible.
+        /// Largest possible number of segments.
         most: usize,
     },
-    /// A segment's share of the length is not positive and finite.
+    /// A segment's share of the boom's length is not positive and finite.
     Length {
-        /// Which one, counted from the bearing and from zero.
+        /// Index of the segment, counted from the bearing, from 0.
         segment: usize,
     },
 }

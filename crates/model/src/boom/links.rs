@@ -3,22 +3,22 @@
 use super::{Boom, Geometry, Joint, LayoutError, MAX_SEGMENTS, Mount, Segment};
 use hydroboom_math::{Real, record};
 
-/// A link and the joint at its inner end.
+/// A rigid link of the boom, and the elastic joint at its inner end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link<T> {
-    /// The link itself.
+    /// Length, mass, centre of mass and moment of inertia of the link.
     pub body: Segment<T>,
-    /// Stiffness of the joint that holds it to the link before \[N·m/rad\]: a cylinder at rest, a weld, a bend in steel. The
-    /// first link turns freely about the bearing.
+    /// Torsional stiffness of the joint to the link before \[N·m/rad\]: a cylinder at rest, a weld, a bend in steel.
+    /// The first link turns freely about the bearing.
     pub joint_stiffness: T,
-    /// Damping ratio of the joint with this link alone on it.
+    /// Damping ratio ζ \[1\] of the joint with this link alone on it; 0 is undamped.
     pub joint_damping: T,
-    /// Angle against the link before while the joint carries no load \[rad\].
+    /// Angle to the link before with no moment in the joint \[rad\], counter-clockwise.
     pub joint_angle: T,
 }
 
 record! {
-    /// What hangs on the last segment, in that segment's frame.
+    /// Payload on the last segment, in that segment's frame (x along the segment from its inner joint, y across it).
     pub struct Payload<T> {
         /// Mass
         #[unit = "kg"]

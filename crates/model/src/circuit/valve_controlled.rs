@@ -6,7 +6,7 @@ use crate::hydraulics::{Cylinder, Oil, Orifice};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// What acts on a valve-controlled circuit from outside, held over a step.
+    /// Inputs of a valve-controlled circuit, constant over a step.
     pub struct ValveInput<T> {
         /// Command of the valve
         #[unit = "V"]
@@ -21,7 +21,7 @@ record! {
 }
 
 record! {
-    /// What a valve-controlled circuit remembers.
+    /// State of a valve-controlled circuit: chamber pressures and spool.
     pub struct ValveCircuitState<T> {
         /// Pressure coordinate of the piston side and its hose (see [`Oil`])
         #[unit = "Pa"]
@@ -39,7 +39,7 @@ record! {
 }
 
 record! {
-    /// The flows of the valve.
+    /// Volume flows of a valve-controlled circuit.
     pub struct ValveFlows<T> {
         /// From the supply to the piston side
         #[unit = "m³/s"]
@@ -75,7 +75,8 @@ record! {
 }
 
 impl<T: Real> ValveEdge<T> {
-    /// Flow coefficient \[m³/(s·√Pa)\] with the spool `travel` (a share) to this edge's side.
+    /// Flow coefficient \[m³/(s·√Pa)\] at a spool position `travel` \[1\], a share of full travel, positive towards
+    /// this edge.
     #[inline(always)]
     pub fn coefficient(&self, travel: T) -> T {
         let open = (travel - self.dead_band).max(T::zero()) / (T::one() - self.dead_band);
@@ -109,7 +110,7 @@ record! {
 }
 
 impl<T: Real> SpoolValve<T> {
-    /// Travel that a command \[V\] asks for, −1 to 1.
+    /// Steady-state spool position y_c \[1\] for a command \[V\], limited to −1..1.
     #[inline(always)]
     pub fn travel(&self, command: T) -> T {
         let share = (command - self.neutral) / (self.full - self.neutral);
@@ -153,8 +154,8 @@ record! {
 }
 
 impl<T: Real> TrappedAir<T> {
-    /// Volume \[m³\] at a gauge pressure \[Pa\] of so much air at atmospheric pressure \[m³\], and what a pascal more takes
-    /// off it \[m³/Pa\].
+    /// Volume \[m³\] at a gauge pressure \[Pa\] of air with the volume `amount` \[m³\] at atmospheric pressure, and
+    /// its compliance \[m³/Pa\].
     #[inline(always)]
     fn volume(&self, amount: T, pressure: T) -> (T, T) {
         let absolute = pressure + self.atmosphere;
@@ -180,31 +181,31 @@ struct Chamber<'a, T> {
 pub struct ValveControlled<T> {
     /// Oil in all nodes.
     pub oil: Oil<T>,
-    /// The valve's spool.
+    /// Spool dynamics and command range of the proportional valve.
     pub valve: SpoolValve<T>,
-    /// Edge from the supply to the piston side.
+    /// Metering edge from supply P to the piston side A.
     pub supply_to_a: ValveEdge<T>,
-    /// Edge from the supply to the rod side.
+    /// Metering edge from supply P to the rod side B.
     pub supply_to_b: ValveEdge<T>,
-    /// Edge from the piston side to the tank.
+    /// Metering edge from the piston side A to tank T.
     pub a_to_tank: ValveEdge<T>,
-    /// Edge from the rod side to the tank.
+    /// Metering edge from the rod side B to tank T.
     pub b_to_tank: ValveEdge<T>,
-    /// Leakage from the piston side to the rod side in proportion to their pressures' difference
-    /// \[m³/(s·Pa)\].
+    /// Laminar leakage coefficient from the piston side to the rod side \[m³/(s·Pa)\].
     pub leakage: T,
-    /// Hose of the piston side.
+    /// Hose between valve and piston side.
     pub hose_a: Hose<T>,
-    /// Hose of the rod side.
+    /// Hose between valve and rod side.
     pub hose_b: Hose<T>,
-    /// Air shut in with the oil.
+    /// Undissolved air in both chambers.
     pub air: TrappedAir<T>,
-    /// The law all restrictions follow.
+    /// Flow law of all metering edges.
     pub orifice: Orifice<T>,
 }
 
 impl<T: Real> ValveControlled<T> {
-    /// All flows at the chambers' pressures \[Pa\] with the spool at `spool`, a share of its travel.
+    /// Volume flows \[m³/s\] at gauge pressures `a` and `b` of the chambers \[Pa\], with the spool at `spool` \[1\],
+    /// a share of its travel.
     #[inline(always)]
     pub fn flows(&self, a: T, b: T, spool: T, input: &ValveInput<T>) -> ValveFlows<T> {
         // a compensator lets no edge from the supply have more than its drop, and none backwards
@@ -325,7 +326,7 @@ impl<T: Real> Circuit<T> for ValveControlled<T> {
 }
 
 impl<T> ValveControlled<T> {
-    /// The same circuit in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> ValveControlled<U> {
         ValveControlled {
             oil: self.oil.map(&mut *f),

@@ -24,7 +24,7 @@ record! {
 }
 
 impl<T: Real> Cylinder<T> {
-    /// Areas from the diameters \[m\] of piston and rod, the rest as given.
+    /// Cylinder from the diameters of piston and rod \[m\], stroke \[m\] and dead volumes \[m³\].
     pub fn from_diameters(
         piston: T,
         rod: T,
@@ -109,13 +109,13 @@ impl<T: Real> EndStops<T> {
         push(lower, -velocity) - push(upper, velocity)
     }
 
-    /// Energy \[J\] stored in the stops.
+    /// Elastic energy \[J\] of the stops at a piston position \[m\].
     pub fn energy(&self, stroke: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
         T::lit(0.5) * self.stiffness * (lower.square() + upper.square())
     }
 
-    /// Force \[N\] of the springs alone, positive outwards: minus the slope of the energy.
+    /// Elastic force \[N\] of the stops at a piston position \[m\], positive outwards, without damping.
     pub fn spring_force(&self, stroke: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
         self.stiffness * (lower - upper)
