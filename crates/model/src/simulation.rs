@@ -182,7 +182,8 @@ impl<const N: usize> Simulation<N> {
         Ok(())
     }
 
-    /// Moves a state on by `count` steps of an explicit scheme, each divided as its limits ask for; the most substeps of a step.
+    /// Moves a state on by `count` steps of an explicit scheme, each divided as its limits ask for; the most substeps
+    /// of a step.
     #[inline(always)]
     fn substepped(
         &self,

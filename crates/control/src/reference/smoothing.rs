@@ -1,6 +1,7 @@
 //! Zero-phase smoothing of a reference: a moving average over a window that reaches as far ahead as behind.
 //!
-//! Along a trapezoidal velocity profile its acceleration is continuous and its jerk limited, as inverse dynamics need it.
+//! Along a trapezoidal velocity profile its acceleration is continuous and its jerk limited, as inverse dynamics need
+//! it.
 
 use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
@@ -9,7 +10,7 @@ use hydroboom_math::{Real, record};
 const POINTS: usize = 6;
 
 record! {
-    /// A reference with its derivatives.
+    /// Smoothed set point: position and its first three derivatives.
     pub struct SmoothSetPoint<T> {
         /// Position
         #[unit = "m"]
@@ -26,7 +27,8 @@ record! {
     }
 }
 
-/// A reference, `at` being its set point so long \[s\] after now, averaged over a window \[s\] about the time `after` \[s\].
+/// Reference averaged over a window of length `window` \[s\], centred at the time `after` \[s\]. `at(t)` is the set
+/// point at a time t \[s\] relative to now.
 #[inline(always)]
 pub fn smoothed<T: Real>(at: impl Fn(T) -> SetPoint<T>, window: T, after: T) -> SmoothSetPoint<T> {
     let half = T::lit(0.5) * window;

@@ -48,8 +48,8 @@ impl StepLimit {
     /// Tolerated amplitude of pressure chatter \[Pa\]: 0.1 bar. Estimate.
     pub const CHATTER: f64 = 0.1e5;
 
-    /// The largest step \[s\] of forward Euler on the bristles of friction that slide at a piston velocity \[m/s\]. From
-    /// `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken.
+    /// The largest step \[s\] of forward Euler on the bristles of friction that slide at a piston velocity \[m/s\].
+    /// From `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken.
     pub fn of_bristles(friction: &Friction<f64>, velocity: f64) -> f64 {
         1.4 / friction.bristle_rate(velocity)
     }

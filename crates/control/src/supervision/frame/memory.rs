@@ -6,7 +6,7 @@ use crate::supervision::release::ReleaseState;
 use hydroboom_math::record;
 
 record! {
-    /// What the frame itself remembers.
+    /// State of the frame without that of its monitors.
     pub struct FrameMemory<T> {
         /// Phase: 0 idle, 1 holding, 2 releasing, 3 opening, 4 controlling, 5 stopping, 6 fault
         #[unit = "1"]
@@ -134,33 +134,33 @@ record! {
     }
 }
 
-/// State of the frame.
+/// State of the frame and its monitors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameState<T> {
-    /// Its own.
+    /// Phase, last commands and measurements, counters.
     pub memory: FrameMemory<T>,
-    /// Of the drive's monitor.
+    /// State of the drive monitor.
     pub drive: DriveMonitorState<T>,
-    /// Of the release.
+    /// State of the release.
     pub release: ReleaseState<T>,
-    /// Of the oscillation detector.
+    /// State of the oscillation detector.
     pub oscillation: OscillationState<T>,
 }
 
-/// Phases of the frame.
+/// Values of the frame's phase.
 pub mod frame_phase {
-    /// Not enabled.
+    /// Not enabled: motor at zero, valve shut.
     pub const IDLE: f64 = 0.0;
-    /// The load hangs on its valves.
+    /// Load held by the shut load-holding valves.
     pub const HOLDING: f64 = 1.0;
-    /// The pump proves that it carries the load.
+    /// Release under way: the pump is run until it demonstrably carries the load.
     pub const RELEASING: f64 = 2.0;
-    /// The valve has its time to open.
+    /// Load-holding valve commanded open; it is given its switching time.
     pub const OPENING: f64 = 3.0;
-    /// The controller moves the load.
+    /// Controller active.
     pub const CONTROLLING: f64 = 4.0;
-    /// The load is brought to rest.
+    /// Controlled stop under way.
     pub const STOPPING: f64 = 5.0;
-    /// Something was wrong; the load is held until a reset.
+    /// Fault: load held until a reset.
     pub const FAULT: f64 = 6.0;
 }

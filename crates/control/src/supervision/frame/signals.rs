@@ -3,7 +3,7 @@
 use hydroboom_math::record;
 
 record! {
-    /// What the frame is given in a control period.
+    /// Inputs of the frame in a control period.
     pub struct FrameInput<T> {
         /// 1: the drive is switched on and the load may be released; 0: the load is held at once
         #[unit = "0/1"]
@@ -48,7 +48,7 @@ record! {
 }
 
 record! {
-    /// What the frame gives in a control period.
+    /// Outputs of the frame in a control period.
     pub struct FrameOutput<T> {
         /// Motor speed for the drive, n_ref
         #[unit = "rev/s"]
@@ -56,10 +56,11 @@ record! {
         /// Load-holding valve: 1 energised, 0 not
         #[unit = "0/1"]
         pub holding_valve: T,
-        /// Status: 0 idle, 1 holding, 2 releasing, 3 opening, 4 controlling, 5 stopping, 10 controlling with fallback gains, 100 and the number of a fault's cause
+        /// Status: 0 idle, 1 holding, 2 releasing, 3 opening, 4 controlling, 5 stopping, 10 controlling with fallback
+        /// gains, 100 and the number of a fault's cause
         #[unit = "code"]
         pub status: T,
-        /// Difference of the reference that is followed to the one that is given
+        /// Offset of the followed reference from the given one
         #[unit = "m"]
         pub reference_offset: T,
         /// Amplitude of a sustained oscillation at rest; 0 where there is none
@@ -71,7 +72,7 @@ record! {
     }
 }
 
-/// Status while the controller has its fallback gains.
+/// Status while the controller uses its fallback gains.
 pub const STATUS_FALLBACK: f64 = 10.0;
-/// Status of a fault, to which the number of its cause is added.
+/// Status of a fault, to which the number of its [cause](crate::supervision::fault::Cause::number) is added.
 pub const STATUS_FAULT: f64 = 100.0;
