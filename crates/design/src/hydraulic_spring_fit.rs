@@ -7,7 +7,8 @@ use std::f64::consts::TAU;
 /// Frequencies at which responses are matched, over the natural frequency of the load on the oil.
 const FREQUENCIES: [f64; 8] = [0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.15, 1.3];
 
-/// Lowest and highest natural frequency that is guessed \[Hz\], and guesses; the fit's is near a guess within this factor.
+/// Lowest and highest natural frequency that is guessed \[Hz\], and guesses; the fit's is near a guess within this
+/// factor.
 const GUESSES: [f64; 2] = [0.05, 25.0];
 const GUESSED: u32 = 25;
 const NEAR: f64 = 1.5;
@@ -33,40 +34,42 @@ pub struct HydraulicSpring {
 }
 
 impl HydraulicSpring {
-    /// Natural frequency of the mass on the oil \[rad/s\].
+    /// Natural angular frequency of the mass on the oil's spring \[rad/s\].
     pub fn natural_frequency(&self) -> f64 {
         (-self.acceleration_by_pressure * self.pressure_by_velocity).sqrt()
     }
 }
 
-/// The load on the cylinder's rod by a boom that bends: it is at x − γ p in the piston's travel.
+/// Load at the end of an elastic boom: in the piston's travel it is at x − γ p.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ElasticLoad {
-    /// Acceleration of the load by the load pressure, in the piston's travel \[m/(s² Pa)\].
+    /// Acceleration of the load per load pressure, a_p, in the piston's travel \[m/(s² Pa)\].
     pub acceleration_by_pressure: f64,
     /// Compliance of the boom, γ \[m/Pa\].
     pub compliance: f64,
 }
 
 impl ElasticLoad {
-    /// Natural frequency of the load on oil and boom \[rad/s\], springs in series: the squares of the periods add up.
+    /// Natural angular frequency of the load on oil and boom in series \[rad/s\]: the squares of their periods add
+    /// up.
     pub fn natural_frequency(&self, spring: &HydraulicSpring) -> f64 {
         let on_oil = -1.0 / (self.acceleration_by_pressure * spring.pressure_by_velocity);
         (on_oil + self.compliance / self.acceleration_by_pressure).powf(-0.5)
     }
 }
 
-/// Oil spring and load of a crane: least squares to the responses of its exact linearisation to the motor speed.
+/// Fits hydraulic spring and elastic load to a crane, by least squares over its exact frequency responses to the
+/// motor speed.
 ///
-/// `s v = a_x x + a_v v + a_p p` for the oil spring, in which the boom is rigid; with another a_p and `γ s² p` beside for the load. A boom without
-/// compliance by that is rigid.
+/// `s v = a_x x + a_v v + a_p p` holds for the hydraulic spring with a rigid boom; the elastic load has another a_p
+/// and a term `γ s² p`. A fitted γ that is not positive stands for a rigid boom.
 ///
-/// The frequencies belong to the natural frequency, which is only known afterwards: about a guess the fit has to have one that is near it. The first guess is the crane's load
-/// mode; soft oil may damp that so that it does not oscillate, and what oscillates then is the boom.
+/// The frequencies of the fit belong to the natural frequency, which is its result, so it starts from a guess. The
+/// first guess is the crane's load mode. If soft oil overdamps that mode, the oscillation found is the boom's.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when no mass on an oil spring answers as the crane does, or its responses cannot be computed.
+/// [`DesignError`] if no hydraulic spring fits the crane's responses, or they cannot be computed.
 pub fn hydraulic_spring(
     crane: &LinearisedPlant,
 ) -> Result<(HydraulicSpring, ElasticLoad), DesignError> {
@@ -161,8 +164,8 @@ mod tests {
     use super::*;
     use hydroboom_description::Description;
 
-    /// The piston stands still where the boom alone oscillates: the load does on the boom's compliance. Oil and boom are springs in series, whose squares of periods
-    /// add up to that of the linearised crane.
+    /// The piston stands still where the boom alone oscillates: the load does on the boom's compliance. Oil and boom
+    /// are springs in series, whose squares of periods add up to that of the linearised crane.
     #[test]
     fn oil_and_boom_are_springs_in_series() {
         let description = Description::uia_single_boom().unwrap();
@@ -189,7 +192,8 @@ mod tests {
         assert!((frequency / without - 1.0).abs() < 0.05, "{frequency} and {without} rad/s");
     }
 
-    /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike change nothing.
+    /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike
+    /// change nothing.
     #[test]
     fn bristles_that_slide_change_nothing() {
         let [one, other] = ["stribeck", "lugre"].map(|law| {
