@@ -259,7 +259,7 @@ impl Description {
         })
     }
 
-    /// The same crane with `segments` equal segments on a rigid base.
+    /// Description of the crane with `segments` equal segments on a rigid base.
     pub fn divided(&self, segments: usize) -> Self {
         let mut divided = self.clone();
         divided.segment_shares = vec![1.0; segments];

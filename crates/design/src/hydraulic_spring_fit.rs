@@ -13,23 +13,23 @@ const GUESSES: [f64; 2] = [0.05, 25.0];
 const GUESSED: u32 = 25;
 const NEAR: f64 = 1.5;
 
-/// A mass on an oil spring, in small changes of piston position x, velocity v, load pressure p and motor speed n:
+/// Mass on a hydraulic spring, linearised in piston position x, velocity v, load pressure p and motor speed n:
 /// `v' = a_x x + a_v v + a_p p`, `p' = c_x x + c_v v + c_p p + b n`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HydraulicSpring {
-    /// a_x \[1/s²\].
+    /// Acceleration per position, a_x \[1/s²\].
     pub acceleration_by_position: f64,
-    /// a_v \[1/s\].
+    /// Acceleration per velocity, a_v \[1/s\].
     pub acceleration_by_velocity: f64,
-    /// a_p \[m/(s² Pa)\].
+    /// Acceleration per load pressure, a_p \[m/(s² Pa)\].
     pub acceleration_by_pressure: f64,
-    /// c_x \[Pa/(s m)\].
+    /// Pressure rate per position, c_x \[Pa/(s m)\].
     pub pressure_by_position: f64,
-    /// c_v \[Pa/m\].
+    /// Pressure rate per velocity, c_v \[Pa/m\].
     pub pressure_by_velocity: f64,
-    /// c_p \[1/s\].
+    /// Pressure rate per load pressure, c_p \[1/s\].
     pub pressure_by_pressure: f64,
-    /// b \[Pa/rev\].
+    /// Pressure rate per motor speed, b \[Pa/rev\].
     pub pressure_by_speed: f64,
 }
 

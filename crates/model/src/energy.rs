@@ -14,25 +14,25 @@ use hydroboom_math::{Real, record};
 record! {
     /// Energy stored in a crane, by form.
     pub struct Energy<T> {
-        /// Motion of boom and payload
+        /// Kinetic energy of boom and payload
         #[unit = "J"]
         pub kinetic: T,
-        /// Height of boom and payload above the bearing
+        /// Gravitational potential energy of boom and payload, zero at the bearing's height
         #[unit = "J"]
         pub gravitational: T,
-        /// Bent joints
+        /// Elastic energy of the bent joints and the base frame
         #[unit = "J"]
         pub elastic: T,
-        /// Compressed oil, and cavities against the atmosphere
+        /// Energy of compressed oil, and of cavities against the atmosphere
         #[unit = "J"]
         pub oil: T,
-        /// Compressed gas of the accumulator
+        /// Energy of the accumulator's compressed gas
         #[unit = "J"]
         pub gas: T,
-        /// Bristles of the friction law
+        /// Elastic energy of the bristles of the friction law
         #[unit = "J"]
         pub bristles: T,
-        /// Compressed end stops
+        /// Elastic energy of the compressed end stops
         #[unit = "J"]
         pub end_stops: T,
     }
@@ -48,34 +48,34 @@ impl<T: Real> Energy<T> {
 record! {
     /// Power balance of a crane: pump work, losses by component, and what equations that do not conserve mass add.
     pub struct Power<T> {
-        /// Pump on the oil, k_flow Q_P p_PA − Q_P p_PB
+        /// Power of the pump on the oil, k_flow Q_P p_PA − Q_P p_PB
         #[unit = "W"]
         pub pump: T,
-        /// Lost in the load-holding valves
+        /// Power lost in the load-holding valves
         #[unit = "W"]
         pub loss_holding_valves: T,
-        /// Lost to leakage through and out of the pump
+        /// Power lost to internal and case leakage of the pump
         #[unit = "W"]
         pub loss_leakage: T,
-        /// Lost on the way to and from the accumulator
+        /// Power lost in the lines to and from the accumulator
         #[unit = "W"]
         pub loss_return_lines: T,
-        /// Lost in relief valves
+        /// Power lost in the relief valves
         #[unit = "W"]
         pub loss_relief: T,
-        /// Lost to friction in the cylinder
+        /// Power lost to friction in the cylinder
         #[unit = "W"]
         pub loss_friction: T,
-        /// Lost in the boom's joints
+        /// Power lost in the boom's joints and the base frame
         #[unit = "W"]
         pub loss_joints: T,
-        /// Lost in the end stops
+        /// Power lost in the end stops
         #[unit = "W"]
         pub loss_end_stops: T,
-        /// Added by restrictions that conserve volume and not mass
+        /// Power added by orifice equations, which conserve volume and not mass
         #[unit = "W"]
         pub defect_restrictions: T,
-        /// Added by a pump that delivers k_flow of the volume it takes
+        /// Power added by the pump's flow gain k_flow, which does not conserve mass
         #[unit = "W"]
         pub defect_pump: T,
     }

@@ -45,10 +45,10 @@ record! {
         /// 1 while the error rises, −1 while it falls, 0 before the first error
         #[unit = "1"]
         pub direction: T,
-        /// Extreme of the error since the last turning point
+        /// Extreme of the control error since the last turning point
         #[unit = "m"]
         pub extreme: T,
-        /// Error at the last turning point
+        /// Control error at the last turning point
         #[unit = "m"]
         pub turned_at: T,
         /// Time since the last turning point

@@ -64,7 +64,7 @@ record! {
         /// Pressure difference to the load's pressure from which the pump fills slowly
         #[unit = "Pa"]
         pub approach: T,
-        /// Largest change of motor speed
+        /// Largest acceleration of the motor
         #[unit = "rev/s²"]
         pub slew: T,
         /// Motor speed that compensates the pump's leakage at the nominal load pressure
@@ -169,19 +169,19 @@ record! {
         /// Time in this phase
         #[unit = "s"]
         pub phase_time: T,
-        /// Motor speed commanded
+        /// Commanded motor speed
         #[unit = "rev/s"]
         pub motor_speed: T,
-        /// Position of the first reading, from which all positions count: sums stay small
+        /// First measured position, the origin of all sums of positions
         #[unit = "m"]
         pub origin: T,
-        /// Sum of positions in this window
+        /// Sum of piston positions in the present averaging window
         #[unit = "m"]
         pub sum: T,
-        /// Readings in this window
+        /// Number of position measurements in this window
         #[unit = "1"]
         pub count: T,
-        /// Time in this window
+        /// Time since the start of this window
         #[unit = "s"]
         pub window_time: T,
         /// Mean position of the newest window
@@ -196,10 +196,10 @@ record! {
         /// Sum of positions in the first half at rest
         #[unit = "m"]
         pub half_sum: T,
-        /// Readings at rest
+        /// Number of position measurements at rest
         #[unit = "1"]
         pub rest_count: T,
-        /// Readings in the first half at rest
+        /// Number of position measurements in the first half at rest
         #[unit = "1"]
         pub half_count: T,
         /// Mean position at rest, x_0

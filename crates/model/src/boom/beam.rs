@@ -16,7 +16,7 @@ record! {
         /// Flexural rigidity, E I
         #[unit = "N·m²"]
         pub flexural_rigidity: T,
-        /// Damping ratio of a joint, zeta
+        /// Damping ratio of each joint, ζ
         #[unit = "1"]
         pub damping_ratio: T,
         /// Mass of the payload
@@ -40,19 +40,19 @@ record! {
 record! {
     /// Positions of bearing, cylinder foot and cylinder mount (Table 1, figure 2).
     pub struct Geometry<T> {
-        /// Cylinder mount C along the straight boom
+        /// Position of cylinder mount C along the straight boom, from the bearing
         #[unit = "m"]
         pub mount_x: T,
-        /// Cylinder mount C across the straight boom, positive upwards
+        /// Position of cylinder mount C across the straight boom, positive upwards
         #[unit = "m"]
         pub mount_y: T,
-        /// Cylinder foot B on the base, to the right of the bearing
+        /// Horizontal position of cylinder foot B, to the right of the bearing
         #[unit = "m"]
         pub base_x: T,
-        /// Cylinder foot B on the base, above the bearing
+        /// Vertical position of cylinder foot B, above the bearing
         #[unit = "m"]
         pub base_y: T,
-        /// Distance from B to C with the piston at its lower stop
+        /// Distance from foot B to mount C with the piston at its lower stop, L_cyl,min
         #[unit = "m"]
         pub shortest: T,
     }

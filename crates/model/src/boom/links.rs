@@ -20,13 +20,13 @@ pub struct Link<T> {
 record! {
     /// Payload on the last segment, in that segment's frame (x along the segment from its inner joint, y across it).
     pub struct Payload<T> {
-        /// Mass
+        /// Mass of the payload
         #[unit = "kg"]
         pub mass: T,
-        /// Centre of mass along the segment
+        /// Position of its centre of mass along the segment, from the inner joint
         #[unit = "m"]
         pub x: T,
-        /// Centre of mass across the segment, positive upwards
+        /// Position of its centre of mass across the segment, positive upwards
         #[unit = "m"]
         pub y: T,
         /// Moment of inertia about its centre of mass

@@ -31,13 +31,13 @@ record! {
         /// Distance between its joints, L_seg
         #[unit = "m"]
         pub length: T,
-        /// Mass, m
+        /// Mass of the segment, m
         #[unit = "kg"]
         pub mass: T,
-        /// Centre of mass along the segment
+        /// Position of the centre of mass along the segment, from the inner joint
         #[unit = "m"]
         pub centre_x: T,
-        /// Centre of mass across the segment
+        /// Position of the centre of mass across the segment, positive upwards
         #[unit = "m"]
         pub centre_y: T,
         /// Moment of inertia about the centre of mass, J
@@ -49,13 +49,13 @@ record! {
 record! {
     /// The elastic hinge between two segments.
     pub struct Joint<T> {
-        /// Torsional stiffness, k_C
+        /// Torsional stiffness of the joint, k_C (15)
         #[unit = "N·m/rad"]
         pub stiffness: T,
-        /// Torsional damping, b_C
+        /// Torsional damping of the joint, b_C (16)
         #[unit = "N·m·s/rad"]
         pub damping: T,
-        /// Bend without load, of the outer segment against the inner; a straight boom has none
+        /// Angle of the outer segment to the inner one without moment, δ; zero for a straight boom
         #[unit = "rad"]
         pub rest: T,
     }
@@ -109,7 +109,7 @@ impl<T, const N: usize> Boom<T, N> {
         self.base.as_ref()
     }
 
-    /// The same boom on an elastic base frame.
+    /// Boom on an elastic base frame.
     ///
     /// # Errors
     ///

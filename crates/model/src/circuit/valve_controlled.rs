@@ -8,7 +8,7 @@ use hydroboom_math::{Real, record};
 record! {
     /// Inputs of a valve-controlled circuit, constant over a step.
     pub struct ValveInput<T> {
-        /// Command of the valve
+        /// Command voltage of the valve
         #[unit = "V"]
         pub command: T,
         /// Gauge pressure of the supply, p_P
@@ -32,7 +32,7 @@ record! {
         /// Position of the spool as a share of its travel, positive to lift, y
         #[unit = "1"]
         pub spool: T,
-        /// Its velocity
+        /// Velocity of the spool as a share of its travel, y'
         #[unit = "1/s"]
         pub spool_velocity: T,
     }
@@ -41,19 +41,19 @@ record! {
 record! {
     /// Volume flows of a valve-controlled circuit.
     pub struct ValveFlows<T> {
-        /// From the supply to the piston side
+        /// Flow from the supply to the piston side
         #[unit = "m³/s"]
         pub supply_to_a: T,
-        /// From the supply to the rod side
+        /// Flow from the supply to the rod side
         #[unit = "m³/s"]
         pub supply_to_b: T,
-        /// From the piston side to the tank
+        /// Flow from the piston side to the tank
         #[unit = "m³/s"]
         pub a_to_tank: T,
-        /// From the rod side to the tank
+        /// Flow from the rod side to the tank
         #[unit = "m³/s"]
         pub b_to_tank: T,
-        /// Past the piston or the spool, from the piston side to the rod side
+        /// Leakage past piston or spool, from the piston side to the rod side
         #[unit = "m³/s"]
         pub leakage: T,
     }
@@ -65,10 +65,10 @@ record! {
     /// It opens in proportion to the spool's travel beyond its overlap, `o = max(0, (|y| − δ)/(1 − δ))`, and
     /// passes `Q = K_V o r(Δp)` (4).
     pub struct ValveEdge<T> {
-        /// Flow coefficient, fully open, K_V
+        /// Flow coefficient of the fully open edge, K_V
         #[unit = "m³/(s·√Pa)"]
         pub coefficient: T,
-        /// Overlap as a share of the travel, δ
+        /// Overlap (dead band) as a share of the spool's travel, δ
         #[unit = "1"]
         pub dead_band: T,
     }
@@ -91,16 +91,16 @@ record! {
     /// y'' = ω² (y_c − y) − 2 ζ ω y',   y_c = (U − U_0)/(U_1 − U_0)
     /// ```
     pub struct SpoolValve<T> {
-        /// Command of the middle position, U_0
+        /// Command voltage of the centre position, U_0
         #[unit = "V"]
         pub neutral: T,
-        /// Command of full travel to lift, U_1
+        /// Command voltage of full travel in the lifting direction, U_1
         #[unit = "V"]
         pub full: T,
         /// Undamped angular frequency of the spool, ω
         #[unit = "rad/s"]
         pub bandwidth: T,
-        /// Its damping ratio, ζ
+        /// Damping ratio of the spool, ζ
         #[unit = "1"]
         pub damping: T,
         /// Largest pressure drop that the pressure compensator leaves on an edge from the supply
@@ -122,10 +122,10 @@ record! {
     /// A hose between valve and cylinder. It belongs to its chamber's node. For hoses of a few metres the
     /// pressure drop along it is below a tenth of a bar, and its natural frequencies are above 100 Hz.
     pub struct Hose<T> {
-        /// Oil in it
+        /// Oil volume in the hose
         #[unit = "m³"]
         pub volume: T,
-        /// Bulk modulus of its wall: its volume's relative growth per pressure is the reciprocal
+        /// Bulk modulus of the hose's wall: pressure per relative growth of its volume
         #[unit = "Pa"]
         pub wall_modulus: T,
     }
@@ -138,13 +138,13 @@ record! {
     /// V_air = V_0 (p_0/(p + p_0))^(1/n)
     /// ```
     pub struct TrappedAir<T> {
-        /// Its volume at atmospheric pressure on the piston side, V_0
+        /// Volume of the air on the piston side at atmospheric pressure, V_0
         #[unit = "m³"]
         pub piston_side: T,
-        /// The same on the rod side
+        /// Volume of the air on the rod side at atmospheric pressure, V_0
         #[unit = "m³"]
         pub rod_side: T,
-        /// Polytropic exponent, n
+        /// Polytropic exponent of the air, n
         #[unit = "1"]
         pub polytropic_exponent: T,
         /// Atmospheric pressure, absolute, p_0

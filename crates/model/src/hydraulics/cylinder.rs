@@ -3,7 +3,7 @@
 use hydroboom_math::{Real, record};
 
 record! {
-    /// A differential cylinder: chamber A on the piston side, chamber B on the rod side.
+    /// Differential cylinder: chamber A on the piston side, chamber B on the rod side.
     pub struct Cylinder<T> {
         /// Piston area, A_p
         #[unit = "m²"]
@@ -83,10 +83,10 @@ record! {
     ///
     /// The force is continuous at contact; `k s²/2` is its stored energy, the rest is lost.
     pub struct EndStops<T> {
-        /// Stiffness, k
+        /// Stiffness of an end stop, k
         #[unit = "N/m"]
         pub stiffness: T,
-        /// Damping relative to the spring's force, d
+        /// Damping of an end stop relative to its spring force, d
         #[unit = "s/m"]
         pub damping: T,
     }

@@ -36,13 +36,13 @@ record! {
     ///
     /// Source: doi:10.3390/act14020080, section 3.1.3.
     pub struct Stribeck<T> {
-        /// Viscous coefficient, F_v
+        /// Viscous friction coefficient, F_v
         #[unit = "N·s/m"]
         pub viscous: T,
-        /// Coulomb force, F_C
+        /// Coulomb friction force, F_C
         #[unit = "N"]
         pub coulomb: T,
-        /// Static force above the Coulomb force, F_S
+        /// Static friction force in excess of the Coulomb force, F_S
         #[unit = "N"]
         pub stiction: T,
         /// Reciprocal of the speed over which the static share fades, 1/v_S (the paper's k_S)
@@ -97,13 +97,13 @@ record! {
     /// Not zero at rest: the bristles keep the force they were left with.
     /// Source: Canudas de Wit et al. 1995, doi:10.1109/9.376053.
     pub struct LuGre<T> {
-        /// Viscous coefficient, F_v
+        /// Viscous friction coefficient, F_v
         #[unit = "N·s/m"]
         pub viscous: T,
-        /// Coulomb force, F_C
+        /// Coulomb friction force, F_C
         #[unit = "N"]
         pub coulomb: T,
-        /// Static force above the Coulomb force, F_S
+        /// Static friction force in excess of the Coulomb force, F_S
         #[unit = "N"]
         pub stiction: T,
         /// Reciprocal of the speed over which the static share fades, 1/v_S

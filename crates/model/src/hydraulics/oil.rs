@@ -24,7 +24,7 @@ record! {
         /// Bulk modulus near vacuum, β_min
         #[unit = "Pa"]
         pub bulk_modulus_min: T,
-        /// Pressure at the middle of the transition, p_c1
+        /// Gauge pressure at the middle of the transition, p_c1
         #[unit = "Pa"]
         pub transition_pressure: T,
         /// Reciprocal of the transition's width, 1/p_c2

@@ -27,10 +27,10 @@ record! {
     /// Equation: the usual one for axial piston machines (Wilson's model, with a share that grows
     /// with speed).
     pub struct Slip<T> {
-        /// At rest, c_0
+        /// Leakage coefficient at rest, c_0
         #[unit = "m³/(s·Pa)"]
         pub at_rest: T,
-        /// For each revolution per second, c_n
+        /// Increase of the leakage coefficient per speed, c_n
         #[unit = "m³/(rev·Pa)"]
         pub per_speed: T,
     }

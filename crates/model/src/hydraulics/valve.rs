@@ -15,14 +15,14 @@ record! {
         /// Pressure drop at which it begins to open, p_cr
         #[unit = "Pa"]
         pub cracking_pressure: T,
-        /// Opening gained with each Pascal beyond, 1/(p_o − p_cr)
+        /// Opening (share of full opening) per pressure beyond cracking, 1/(p_o − p_cr)
         #[unit = "1/Pa"]
         pub opening_slope: T,
     }
 }
 
 impl<T: Real> CheckValve<T> {
-    /// A valve that cracks and is fully open at the given pressure drops \[Pa\], p_cr < p_o.
+    /// Valve from its pressure drops of cracking and full opening \[Pa\], p_cr < p_o.
     pub fn new(flow_coefficient: T, cracking_pressure: T, opening_pressure: T) -> Self {
         let opening_slope = T::one() / (opening_pressure - cracking_pressure);
         Self { flow_coefficient, cracking_pressure, opening_slope }

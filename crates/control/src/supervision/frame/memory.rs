@@ -20,7 +20,7 @@ record! {
         /// Motor speed commanded
         #[unit = "rev/s"]
         pub motor_speed: T,
-        /// Valve commanded
+        /// Commanded load-holding valve: 1 energised, 0 not
         #[unit = "1"]
         pub holding_valve: T,
         /// Time since the valve was last commanded to switch
@@ -35,13 +35,13 @@ record! {
         /// Time since the stop began
         #[unit = "s"]
         pub stop_since: T,
-        /// Start in the period before
+        /// Input `start` of the previous control period
         #[unit = "1"]
         pub start: T,
-        /// Reset in the period before
+        /// Input `reset_fault` of the previous control period
         #[unit = "1"]
         pub reset: T,
-        /// 1 once a period has passed
+        /// 1 after the first control period
         #[unit = "1"]
         pub has_begun: T,
         /// Periods in which a measurement was not plausible, each forgotten within ten plausible ones
@@ -95,22 +95,22 @@ record! {
         /// Time for which the pressure on pump side B has repeated itself
         #[unit = "s"]
         pub pressure_pump_b_repeated: T,
-        /// Velocity of the piston, averaged
+        /// Low-pass filtered piston velocity
         #[unit = "m/s"]
         pub velocity: T,
-        /// Time for which it has been enabled
+        /// Time since the frame was enabled
         #[unit = "s"]
         pub enabled_for: T,
-        /// Integral of the position over this period of the load mode
+        /// Integral of the piston position over the present observation window, a period of the load mode
         #[unit = "m·s"]
         pub held_sum: T,
-        /// Time in this period of the load mode
+        /// Time since the start of the present observation window
         #[unit = "s"]
         pub held_time: T,
-        /// Mean position over the period of the load mode before
+        /// Mean piston position over the previous observation window
         #[unit = "m"]
         pub held_mean: T,
-        /// Periods of the load mode that have passed in this phase
+        /// Number of observation windows completed in this phase
         #[unit = "1"]
         pub held_windows: T,
         /// Time for which the load has been still
@@ -119,16 +119,16 @@ record! {
         /// Position at which the load is held, or was when the valve was energised
         #[unit = "m"]
         pub held_at: T,
-        /// Time for which pump side and cylinder have disagreed behind an open valve
+        /// Time for which the pressures of pump side and cylinder have disagreed behind an open valve
         #[unit = "s"]
         pub disagreeing: T,
-        /// Time for which everything has been well in a fault
+        /// Time in a fault since all causes have gone
         #[unit = "s"]
         pub well_for: T,
-        /// Difference of the reference that is followed to the one that is given
+        /// Offset of the followed reference from the given one
         #[unit = "m"]
         pub offset: T,
-        /// 1 after a sustained oscillation: the controller has its fallback gains
+        /// 1 after a sustained oscillation: the controller uses its fallback gains
         #[unit = "1"]
         pub falls_back: T,
     }

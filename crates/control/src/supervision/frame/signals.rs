@@ -8,22 +8,22 @@ record! {
         /// 1: the drive is switched on and the load may be released; 0: the load is held at once
         #[unit = "0/1"]
         pub enable: T,
-        /// 1: come to rest and hold the load
+        /// 1: controlled stop, then the load is held
         #[unit = "0/1"]
         pub hold: T,
-        /// A rise to 1 asks for the release of the held load
+        /// A rise to 1 requests the release of the held load
         #[unit = "0/1"]
         pub start: T,
-        /// A rise to 1 leaves a fault once everything is well
+        /// A rise to 1 leaves a fault once all its causes have gone
         #[unit = "0/1"]
         pub reset_fault: T,
         /// Load-holding valve as read: 1 open, 0 shut, -1 where it cannot be read
         #[unit = "1"]
         pub valve_state: T,
-        /// Piston position that is wanted, x_ref
+        /// Reference of the piston position, x_ref
         #[unit = "m"]
         pub reference_position: T,
-        /// Piston velocity that is wanted, v_ref
+        /// Reference of the piston velocity, v_ref
         #[unit = "m/s"]
         pub reference_velocity: T,
         /// Piston position as read
@@ -50,7 +50,7 @@ record! {
 record! {
     /// Outputs of the frame in a control period.
     pub struct FrameOutput<T> {
-        /// Motor speed for the drive, n_ref
+        /// Commanded motor speed, n_ref
         #[unit = "rev/s"]
         pub motor_speed: T,
         /// Load-holding valve: 1 energised, 0 not
@@ -66,7 +66,7 @@ record! {
         /// Amplitude of a sustained oscillation at rest; 0 where there is none
         #[unit = "m"]
         pub oscillation_amplitude: T,
-        /// Its frequency
+        /// Frequency of a sustained oscillation at rest; 0 where there is none
         #[unit = "Hz"]
         pub oscillation_frequency: T,
     }
