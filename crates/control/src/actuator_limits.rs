@@ -1,4 +1,4 @@
-//! What the servo motor can do.
+//! Limits of the servo motor: speed and slew rate.
 
 use hydroboom_math::Real;
 

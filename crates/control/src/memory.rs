@@ -1,4 +1,4 @@
-//! What a controller remembers, as numbers with names.
+//! State of a controller as named numbers.
 
 /// State of a controller as a sequence of named numbers, for generated code, files and messages.
 pub trait Memory<T>: Sized {

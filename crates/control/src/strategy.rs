@@ -1,4 +1,4 @@
-//! The compared ways to find the motor's speed.
+//! Control strategies that are compared.
 
 use core::error::Error;
 use core::fmt;

@@ -1,4 +1,4 @@
-//! Both loops at a piston position, before anything moves: the benchmark's and the scheduled LQR's.
+//! Design report: load mode and stability margins of both control loops at a piston position.
 
 use crate::linear::Mode;
 use crate::operating_points::rod_side_term;

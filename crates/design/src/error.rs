@@ -1,4 +1,4 @@
-//! What can go wrong in a design.
+//! Errors of design and analysis.
 
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;

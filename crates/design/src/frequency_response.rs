@@ -1,4 +1,4 @@
-//! Response of a linear system at one frequency after the other, by its Hessenberg form.
+//! Frequency response of a linear system by its Hessenberg form.
 //!
 //! ```text
 //! C (s − A)⁻¹ B = C' (s − H)⁻¹ B',   A = S Q H Qᵀ S⁻¹

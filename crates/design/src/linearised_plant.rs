@@ -1,6 +1,7 @@
-//! The crane linearised in motion, with the pump lifting. Coulomb friction, which at rest damps out every
-//! oscillation, is a constant. The load-holding valves, which are shut at rest, are open. The accumulator's
-//! pressure stands.
+//! Linearised plant: the crane at an operating point with the pump lifting.
+//!
+//! Coulomb friction, which at rest damps out every oscillation, is a constant. The load-holding valves, which are
+//! shut at rest, are open. The accumulator's pressure is constant.
 
 use crate::DesignError;
 use crate::frequency_response::FrequencyResponse;

@@ -1,4 +1,4 @@
-//! Stability margins of a loop.
+//! Stability margins of a control loop: gain, phase and modulus margin.
 
 use crate::small_signal_controller::SmallSignalController;
 use crate::unstable_poles::{about_resonances, growing_poles};

@@ -1,4 +1,4 @@
-//! Scheduled LQR with its estimator, linearised at rest: a linear sampled controller from readings to motor speed.
+//! Small-signal controller: scheduled LQR with its estimator, linearised at rest, from measurements to motor speed.
 //!
 //! The controller itself is called with small changes of each state and measurement about an operating
 //! point at which it has settled. The filter's covariance, the identified drive and the innovation test are

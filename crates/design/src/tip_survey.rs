@@ -1,4 +1,4 @@
-//! Survey of a crane's tip, and the numbers of the tip's estimator fitted to it.
+//! Calibration of the tip estimator by a survey of the boom's tip.
 //!
 //! A survey is a CSV file, a line a pose at rest: piston position that is read, payload that was weighed, tip as
 //! surveyed from the boom's bearing. Weighted least squares with the stated spread of the numbers as a prior:

@@ -1,4 +1,4 @@
-//! Growing poles of a closed loop, by the Nyquist criterion.
+//! Unstable poles of a closed loop, by the Nyquist criterion.
 
 use crate::{DesignError, LinearisedPlant, Loop};
 use nalgebra::Complex;

@@ -1,4 +1,4 @@
-//! What a device does with its process data: the part behind the controller.
+//! Application of a device: its function behind the EtherCAT controller.
 
 use crate::al_status_code::AlStatusCode;
 use crate::mailbox::Emergency;

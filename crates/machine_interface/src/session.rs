@@ -1,4 +1,4 @@
-//! A session: which datagrams of the peer are accepted, and why others are dropped.
+//! Session with a peer: acceptance of its datagrams by session, sequence number and check sum.
 
 use crate::datagram::{Body, Dropped, Header, decode};
 use std::time::Duration;

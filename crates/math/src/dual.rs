@@ -1,4 +1,4 @@
-//! A number that carries its own derivatives.
+//! Dual numbers: forward-mode automatic differentiation.
 
 use crate::Real;
 use core::array::from_fn;

@@ -1,4 +1,4 @@
-//! The assembled crane: parameters, state, input, outputs, and the equations that tie them.
+//! Crane assembled from circuit, cylinder and boom: parameters, state, input, outputs, and state equations.
 
 use crate::boom::{Boom, BoomState, CylinderPose, Pose};
 use crate::circuit::{Circuit, CircuitState, Flows, Nodes, SelfContained};

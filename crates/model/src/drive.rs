@@ -1,4 +1,4 @@
-//! The servo drive: dead time, and a second-order lag within the limits of its motor.
+//! Servo drive: dead time, and a second-order lag within the limits of its motor.
 
 use hydroboom_math::Real;
 

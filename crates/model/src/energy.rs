@@ -1,4 +1,4 @@
-//! Where the energy is and where it goes.
+//! Energy and power balance of the crane.
 //!
 //! [`Crane::energy`] is a state function, [`Crane::power`] its rate of change by name: `dE/dt = pump −
 //! losses + defects`, exactly. A *defect* belongs to an equation that does not conserve mass. A

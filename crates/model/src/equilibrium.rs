@@ -1,4 +1,4 @@
-//! A state at rest to start from, so that nothing rings at t = 0.
+//! Static equilibrium of the crane: initial states without transients.
 
 use crate::boom::{Boom, BoomState, MAX_SEGMENTS};
 use crate::circuit::{Circuit, CircuitState, Nodes, ValveCircuitState, ValveControlled};

@@ -1,4 +1,4 @@
-//! A boom lifted by hand, the oil in its cylinder locked in: it will drop onto that.
+//! Drop test: the boom is lifted with the oil in its cylinder locked in, and drops onto it.
 
 use crate::crane::{Crane, CraneState};
 use hydroboom_math::Real;

@@ -1,4 +1,4 @@
-//! A crane in motion: parameters, state, scheme and clock, with every step checked.
+//! Time simulation of a crane: parameters, state, scheme and clock, with every step checked.
 
 use crate::crane::{Crane, CraneState, Input};
 use crate::stepping::{Implicit, MOST_PARTS, StepBound, StepLimit, published, runge_kutta_4};

@@ -1,4 +1,4 @@
-//! Where the model stops being one.
+//! Range of validity of the model.
 
 use crate::crane::{Crane, CraneState};
 use core::fmt;

@@ -1,4 +1,4 @@
-//! The interface, and the crane behind it.
+//! Interface of a simulated crane, independent of the number of its segments.
 
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Dual;

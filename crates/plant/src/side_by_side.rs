@@ -1,4 +1,4 @@
-//! Several cranes moving together, one in each SIMD lane.
+//! Batch simulation of several cranes, one in each SIMD lane.
 
 use crate::PlantError;
 use hydroboom_description::{BuildError, Description};

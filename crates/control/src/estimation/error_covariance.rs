@@ -1,4 +1,4 @@
-//! Error covariance of the filter's estimates, with what the filter takes for exact.
+//! Error covariance of the filter with consider parameters (Schmidt-Kalman analysis).
 //!
 //! The filter's own covariance P gives its gain K; it takes the parameters of the reduced model for exact, and a load
 //! for one that hardly changes. The error covariance takes K as given, and follows the errors e of the states together

@@ -52,21 +52,21 @@ record! {
 
 /// Index of each state in the order of [`MachineState`].
 pub mod state_index {
-    /// Position of the load \[m\].
+    /// Index of the load's position.
     pub const POSITION: usize = 0;
-    /// Velocity of the load \[m/s\].
+    /// Index of the load's velocity.
     pub const VELOCITY: usize = 1;
-    /// Load pressure \[Pa\].
+    /// Index of the load pressure.
     pub const LOAD_PRESSURE: usize = 2;
-    /// Pre-sliding friction \[Pa\].
+    /// Index of the pre-sliding friction.
     pub const FRICTION: usize = 3;
-    /// Unknown force \[Pa\].
+    /// Index of the unknown force.
     pub const DISTURBANCE: usize = 4;
-    /// Unknown flow \[rev/s\].
+    /// Index of the unknown flow.
     pub const UNKNOWN_FLOW: usize = 5;
-    /// Mass of the payload \[kg\].
+    /// Index of the payload.
     pub const PAYLOAD: usize = 6;
-    /// Transition pressure of the oil \[Pa\].
+    /// Index of the oil's transition pressure.
     pub const TRANSITION_PRESSURE: usize = 7;
 }
 

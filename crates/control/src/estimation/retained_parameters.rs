@@ -1,5 +1,4 @@
-//! Parameters that a state estimator keeps from one start to the next, with their covariance: what the machine is, not
-//! what it does.
+//! Estimated machine parameters that are retained from one run to the next, with their covariance.
 //!
 //! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane file's) and
 //! the drive's lag are properties of machine and oil. Payload, unknown force and friction of the moment begin anew:

@@ -1,5 +1,4 @@
-//! The machine's state when a command arrives: Kalman filter, identified drive lag, and prediction over the known
-//! delays.
+//! State estimator with prediction over the delays: Kalman filter and identified drive lag.
 //!
 //! A measurement is some cycles old, and a command arrives some cycles later. The filter runs at the time
 //! of the measurement. Its state is predicted over both delays with the commands that are on their way

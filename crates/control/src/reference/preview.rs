@@ -1,4 +1,4 @@
-//! Reference preview: the set points of the next seconds, and of the last three tenths.
+//! Reference preview: set points of the next 2.5 s and of the last 0.3 s, with a control period of 1 ms.
 
 use crate::memory::Memory;
 use crate::reference::profile::SetPoint;

@@ -1,5 +1,5 @@
-//! Feasible reference under the motor's speed limit: a trajectory that is faster is begun sooner, by half of the time
-//! that it would be late.
+//! Feasible reference under the motor's speed limit: a too fast trajectory is started earlier, by half of its delay
+//! at the limit.
 //!
 //! So it is as far ahead at first as it is behind in the end.
 

@@ -1,4 +1,4 @@
-//! Monitor of deadlines: how many of the last periods were missed.
+//! Deadline monitor: number of missed control periods in a sliding window.
 
 /// Length of the sliding window \[control periods\].
 pub const WINDOW: u32 = 256;

@@ -1,4 +1,4 @@
-//! Monitor of the drive: does the motor turn as commanded?
+//! Drive monitor: measured motor speed against the envelope of its commands.
 //!
 //! A slow drive may still be anywhere between the speeds it has been commanded; that envelope closes as the
 //! slowest drive does, within its limits of slew and torque:

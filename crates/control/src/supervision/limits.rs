@@ -1,4 +1,4 @@
-//! What a machine is allowed to do, and what is observed of it in a control period.
+//! Limits of a machine, and observations of a control period for the supervisor.
 
 use super::drive_monitor::DriveMonitor;
 use super::flow_monitor::FlowMonitor;

@@ -1,5 +1,4 @@
-//! Detector of sustained oscillation: a loop whose control error goes to and fro at rest and does not
-//! die out.
+//! Detector of sustained oscillation of the control error while the reference rests.
 //!
 //! While the reference rests the detector finds the turning points of the error (with hysteresis, as
 //! rainflow counting does) and compares the range R of each half-cycle with those before.

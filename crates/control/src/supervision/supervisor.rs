@@ -1,4 +1,4 @@
-//! The supervisor: what the machine may do, and what brings it to rest.
+//! Supervisor: state machine that releases, holds and stops the load.
 //!
 //! A pure state machine, called once an executed control period; it allocates nothing and knows no
 //! clock but the time that each observation says has passed.

@@ -1,4 +1,4 @@
-//! What a state waits for.
+//! Conditions that the supervisor's states wait for.
 
 use super::fault::Cause;
 use super::release::phase;

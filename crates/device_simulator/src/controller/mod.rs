@@ -1,4 +1,4 @@
-//! The controller of a device: what a frame meets before the application does.
+//! EtherCAT device controller: registers, memory, FMMUs, sync managers, distributed clock and watchdog.
 
 mod distributed_clock;
 mod eeprom;

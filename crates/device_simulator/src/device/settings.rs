@@ -1,4 +1,4 @@
-//! What a device is: identity, memory layout, and what it asks of synchronisation.
+//! Settings of a device: identity, memory layout and synchronisation.
 
 /// Identity of a device, as in object 0x1018 and in the EEPROM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,4 +1,5 @@
-//! The mass matrix solved in time proportional to the number of segments.
+//! Articulated-body method: the mass matrix solved in time proportional to the number of segments (as in R.
+//! Featherstone, Rigid Body Dynamics Algorithms, 2008).
 //!
 //! M(phi) of equation (26) is full, but the boom is a chain. Everything beyond a joint acts on it with a
 //! force that is linear in the joint's acceleration `a` and in the inner segment's angular acceleration.

@@ -1,5 +1,5 @@
-//! The base frame: a column that gives way under the cylinder's foot (equation ours; the paper's
-//! base is rigid).
+//! Elastic base frame: a column that turns under the force at the cylinder's foot (equation ours; the paper's base is
+//! rigid).
 
 use hydroboom_math::{Real, record};
 

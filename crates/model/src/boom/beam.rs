@@ -1,4 +1,4 @@
-//! From a beam to segments and joints (equations (13), (14)).
+//! Lumped-parameter beam: division of a uniform beam into segments and joints (equations (13), (14)).
 
 use super::{Boom, Joint, MAX_SEGMENTS, Mount, Payload, Segment};
 use core::fmt;

@@ -1,4 +1,4 @@
-//! The applied moments l (24) and the inertial moments M ddphi, in one pass out and one back.
+//! Equations of motion of the boom: applied moments l (24) and inertial moments M φ̈, in one pass out and one back.
 
 use super::{Boom, BoomState, Pose};
 use hydroboom_math::Real;

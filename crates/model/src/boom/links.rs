@@ -1,4 +1,4 @@
-//! A boom of unequal links, each with its own mass, centre and joint (ours: the paper's boom is a beam).
+//! Boom of unequal links, each with its own mass, centre of mass and joint (ours: the paper's boom is a beam).
 
 use super::{Boom, Geometry, Joint, LayoutError, MAX_SEGMENTS, Mount, Segment};
 use hydroboom_math::{Real, record};

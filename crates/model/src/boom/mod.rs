@@ -1,4 +1,4 @@
-//! The flexible boom: rigid segments joined by elastic hinges (section 3.2).
+//! Flexible boom as a multibody system: rigid segments joined by elastic hinges (section 3.2).
 
 mod articulated;
 mod base;

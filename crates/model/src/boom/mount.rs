@@ -1,4 +1,4 @@
-//! The cylinder between base and boom (equations (28), (29), figure 12).
+//! Kinematics of the cylinder between base and boom (equations (28), (29), figure 12).
 
 use super::{Boom, Pose};
 use hydroboom_math::Real;

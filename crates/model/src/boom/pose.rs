@@ -1,4 +1,4 @@
-//! Directions and positions of the segments.
+//! Kinematics of the boom: directions and positions of its segments.
 
 use super::{Boom, Segment};
 use hydroboom_math::Real;

@@ -1,5 +1,5 @@
-//! Circuits: how components, nodes and lines are connected. A new one is a file with parameters, a state,
-//! an input and an `impl` of [`Circuit`].
+//! Hydraulic circuits: connection of components, pressure nodes and lines. A new circuit is a file with parameters, a
+//! state, an input and an `impl` of [`Circuit`].
 
 mod self_contained;
 mod valve_controlled;

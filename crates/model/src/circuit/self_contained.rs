@@ -1,5 +1,5 @@
-//! The self-contained electro-hydraulic cylinder: five pressure nodes and what connects them
-//! (section 3.1, appendix A.1, figures 3 and 6).
+//! Self-contained electro-hydraulic cylinder: circuit of five pressure nodes with pump, accumulator and load-holding
+//! valves (section 3.1, appendix A.1, figures 3 and 6).
 
 use super::{Circuit, Coordinates};
 use crate::crane::Input;

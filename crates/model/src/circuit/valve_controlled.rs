@@ -1,5 +1,5 @@
-//! A cylinder behind a 4/3 proportional valve on a supply of given pressure: mobile cranes with load-sensing or
-//! constant-pressure hydraulics (equations ours; the published crane has none).
+//! Valve-controlled cylinder: a 4/3 proportional valve on a supply of given pressure, as in mobile cranes with
+//! load-sensing or constant-pressure hydraulics (equations ours; the published crane has none).
 
 use super::{Circuit, Coordinates};
 use crate::hydraulics::{Cylinder, Oil, Orifice};

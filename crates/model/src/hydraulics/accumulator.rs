@@ -1,4 +1,4 @@
-//! The bladder accumulator that closes the circuit.
+//! Bladder accumulator with polytropic gas (appendix A.2.2).
 
 use hydroboom_math::{Real, record};
 

@@ -1,4 +1,4 @@
-//! The differential cylinder and its end stops.
+//! Differential cylinder and its end stops.
 
 use hydroboom_math::{Real, record};
 

@@ -1,5 +1,5 @@
-//! Friction between piston, rod and seals. A new law is a record with `evaluate`, and a line in
-//! [`Friction`].
+//! Friction between piston, rod and seals: Stribeck and LuGre laws. A new law is a record with `evaluate`, and a line
+//! in [`Friction`].
 
 use hydroboom_math::{Real, record};
 

@@ -1,4 +1,4 @@
-//! Oil: stiffness, density, stored energy, and what happens below vapour pressure.
+//! Hydraulic oil: pressure-dependent bulk modulus, density, stored energy, and cavitation.
 
 use hydroboom_math::{Real, record};
 

@@ -1,4 +1,4 @@
-//! Restrictions: the orifice equation and restrictions in series.
+//! Orifice equation with a laminar core, and orifices in series.
 
 use hydroboom_math::Real;
 

@@ -1,4 +1,4 @@
-//! The axial piston machine.
+//! Axial piston pump with fixed displacement, and its leakage.
 
 use super::Oil;
 use hydroboom_math::{Real, record};

@@ -1,4 +1,4 @@
-//! An implicit step: second order, no step limit from stiffness, fixed cost.
+//! Diagonally implicit Runge-Kutta step: second order, no step limit from stiffness, fixed cost.
 //!
 //! The scheme is the two-stage diagonally implicit Runge-Kutta method of Alexander (1977,
 //! doi:10.1137/0714068), L-stable and stiffly accurate (its last stage is the new state):

@@ -1,4 +1,4 @@
-//! How large a step the published scheme can take.
+//! Stability limit of the step of the published scheme.
 
 use crate::crane::{Crane, CraneState};
 use crate::hydraulics::{Friction, FrictionLaw};

@@ -1,4 +1,4 @@
-//! The classical Runge-Kutta step, for converged references.
+//! Classical Runge-Kutta step, for converged references.
 
 use crate::circuit::{Circuit, Coordinates};
 use crate::crane::{Crane, CraneRates, CraneState};

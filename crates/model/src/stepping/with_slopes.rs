@@ -1,4 +1,5 @@
-//! The implicit step over numbers with slopes: plain numbers are solved for, slopes follow.
+//! Sensitivities of the implicit step by the implicit function theorem: plain numbers are solved for, derivatives
+//! follow.
 //!
 //! What Newton's method solves, `r(y, θ) = 0`, has the slope `y' = −(∂r/∂y)⁻¹ ∂r/∂θ`. So one evaluation of
 //! the residual over numbers with slopes, at the solution, and one plain matrix are enough, for any number

@@ -1,4 +1,4 @@
-//! States of the supervisor, requests of a person, and what is decided in a control period.
+//! States of the supervisor, requests of an operator, and decision of a control period.
 
 use crate::command::AxisCommand;
 use crate::supervision::fault::Cause;
