@@ -11,19 +11,19 @@ record! {
         /// Piston position
         #[unit = "m"]
         pub stroke: T,
-        /// Pressure on pump side A
+        /// Gauge pressure on pump side A
         #[unit = "Pa"]
         pub pressure_pump_a: T,
-        /// Pressure on the piston side
+        /// Gauge pressure on the piston side
         #[unit = "Pa"]
         pub pressure_a: T,
-        /// Pressure on the rod side
+        /// Gauge pressure on the rod side
         #[unit = "Pa"]
         pub pressure_b: T,
-        /// Pressure on pump side B
+        /// Gauge pressure on pump side B
         #[unit = "Pa"]
         pub pressure_pump_b: T,
-        /// Pressure in the accumulator
+        /// Gauge pressure in the accumulator
         #[unit = "Pa"]
         pub pressure_accumulator: T,
         /// Motor speed, from the drive's encoder

@@ -64,19 +64,19 @@ record! {
         /// Piston velocity, v_cyl
         #[unit = "m/s"]
         pub velocity: T,
-        /// Pressure on pump side A, p_PA
+        /// Gauge pressure on pump side A, p_PA
         #[unit = "Pa"]
         pub pressure_pump_a: T,
-        /// Pressure on the piston side, p_A
+        /// Gauge pressure on the piston side, p_A
         #[unit = "Pa"]
         pub pressure_a: T,
-        /// Pressure on the rod side, p_B
+        /// Gauge pressure on the rod side, p_B
         #[unit = "Pa"]
         pub pressure_b: T,
-        /// Pressure on pump side B, p_PB
+        /// Gauge pressure on pump side B, p_PB
         #[unit = "Pa"]
         pub pressure_pump_b: T,
-        /// Pressure in the accumulator, p_acc
+        /// Gauge pressure in the accumulator, p_acc
         #[unit = "Pa"]
         pub pressure_accumulator: T,
         /// Gas volume of the accumulator, V_g
@@ -88,16 +88,16 @@ record! {
         /// Force of the cylinder on the boom, F_cyl
         #[unit = "N"]
         pub cylinder_force: T,
-        /// Friction force, F_fr
+        /// Friction force of the cylinder, opposing its motion, F_fr
         #[unit = "N"]
         pub friction_force: T,
-        /// Force of the end stops on the piston
+        /// Force of the end stops on the piston, positive outwards
         #[unit = "N"]
         pub end_stop_force: T,
-        /// Horizontal position of the tip
+        /// Horizontal position of the tip, to the right of the bearing
         #[unit = "m"]
         pub tip_x: T,
-        /// Vertical position of the tip
+        /// Vertical position of the tip, above the bearing
         #[unit = "m"]
         pub tip_y: T,
         /// Distance of the tip from the line of the first segment, positive upwards

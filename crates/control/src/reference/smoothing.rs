@@ -12,16 +12,16 @@ const POINTS: usize = 6;
 record! {
     /// Smoothed set point: position and its first three derivatives.
     pub struct SmoothSetPoint<T> {
-        /// Position
+        /// Smoothed position
         #[unit = "m"]
         pub position: T,
-        /// Velocity
+        /// Velocity of the smoothed position
         #[unit = "m/s"]
         pub velocity: T,
-        /// Acceleration
+        /// Acceleration of the smoothed position
         #[unit = "m/s²"]
         pub acceleration: T,
-        /// Jerk
+        /// Jerk of the smoothed position
         #[unit = "m/s³"]
         pub jerk: T,
     }

@@ -55,7 +55,7 @@ record! {
         /// Delivered volume per revolution, k D
         #[unit = "m³/rev"]
         pub delivery: T,
-        /// Motor speed while the pump side is read below the load's pressure by more than `approach`
+        /// Motor speed while the pump side's pressure is below the load's by more than `approach`
         #[unit = "rev/s"]
         pub fast: T,
         /// Motor speed once the pump side is within `approach` of the load's pressure
@@ -124,7 +124,7 @@ record! {
         /// Smallest volume of the chamber that carries the load
         #[unit = "m³"]
         pub dead_volume: T,
-        /// Largest movement of the load when pressure shut in on its unloaded side is released
+        /// Largest movement of the load when pressure trapped on the unloaded side is released
         #[unit = "m"]
         pub largest_spring: T,
     }
@@ -136,19 +136,19 @@ record! {
         /// Piston position
         #[unit = "m"]
         pub stroke: T,
-        /// Motor speed, as read
+        /// Measured motor speed
         #[unit = "rev/s"]
         pub motor_speed: T,
-        /// Pressure of the pump side that carries the load
+        /// Gauge pressure of the pump side that carries the load
         #[unit = "Pa"]
         pub pressure_pump: T,
-        /// Pressure of the cylinder chamber that carries the load
+        /// Gauge pressure of the cylinder chamber that carries the load
         #[unit = "Pa"]
         pub pressure_load: T,
-        /// Pressure of the other cylinder chamber
+        /// Gauge pressure of the other cylinder chamber
         #[unit = "Pa"]
         pub pressure_other: T,
-        /// Pressure of the other pump side
+        /// Gauge pressure of the other pump side
         #[unit = "Pa"]
         pub pressure_other_pump: T,
         /// 1 with a new measurement, 0 where the last one is repeated

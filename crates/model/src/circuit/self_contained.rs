@@ -43,10 +43,10 @@ pub struct CircuitState<T> {
 record! {
     /// The flows of figure 6.
     pub struct Flows<T> {
-        /// Pump, drawn from side B, Q_P
+        /// Pump flow drawn from side B, Q_P
         #[unit = "m³/s"]
         pub pump: T,
-        /// Pump, delivered to side A, k_flow Q_P
+        /// Pump flow delivered to side A, k_flow Q_P
         #[unit = "m³/s"]
         pub pump_delivery: T,
         /// Leakage through the pump from side A to side B, Q_int

@@ -17,7 +17,7 @@ record! {
         /// A rise to 1 leaves a fault once all its causes have gone
         #[unit = "0/1"]
         pub reset_fault: T,
-        /// Load-holding valve as read: 1 open, 0 shut, -1 where it cannot be read
+        /// Measured state of the load-holding valve: 1 open, 0 shut, -1 without a position switch
         #[unit = "1"]
         pub valve_state: T,
         /// Reference of the piston position, x_ref
@@ -26,22 +26,22 @@ record! {
         /// Reference of the piston velocity, v_ref
         #[unit = "m/s"]
         pub reference_velocity: T,
-        /// Piston position as read
+        /// Measured piston position
         #[unit = "m"]
         pub stroke: T,
-        /// Pressure on pump side A as read
+        /// Measured gauge pressure on pump side A
         #[unit = "Pa"]
         pub pressure_pump_a: T,
-        /// Pressure on the piston side as read
+        /// Measured gauge pressure on the piston side
         #[unit = "Pa"]
         pub pressure_a: T,
-        /// Pressure on the rod side as read
+        /// Measured gauge pressure on the rod side
         #[unit = "Pa"]
         pub pressure_b: T,
-        /// Pressure on pump side B as read
+        /// Measured gauge pressure on pump side B
         #[unit = "Pa"]
         pub pressure_pump_b: T,
-        /// Motor speed as the drive reads it
+        /// Motor speed measured by the drive
         #[unit = "rev/s"]
         pub motor_speed_read: T,
     }
