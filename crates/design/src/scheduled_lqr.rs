@@ -209,15 +209,8 @@ pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> Sc
 /// let description = Description::uia_single_boom()?;
 /// let mut controller = scheduled_lqr_controller(&description)?;
 /// let rest = plant(&description, &description.start(0.25), Scheme::Implicit, 1e-3)?.outputs();
-/// let signals = AxisSignals {
-///     stroke: rest.stroke,
-///     pressure_pump_a: rest.pressure_pump_a,
-///     pressure_a: rest.pressure_a,
-///     pressure_b: rest.pressure_b,
-///     pressure_pump_b: rest.pressure_pump_b,
-///     pressure_accumulator: rest.pressure_accumulator,
-///     motor_speed: 0.0,
-/// };
+/// let (stroke, pressure_a, pressure_b) = (rest.stroke, rest.pressure_a, rest.pressure_b);
+/// let signals = AxisSignals { stroke, pressure_a, pressure_b, ..AxisSignals::default() };
 /// controller.observe_held(&Measurement::new(1, 0.0, [signals]));
 /// // the held load is weighed within 2 kg by the first measurement
 /// let payload = controller.estimated().map(|estimated| estimated.filter.estimate.payload);
