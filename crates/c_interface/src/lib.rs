@@ -164,7 +164,10 @@ unsafe fn put(seen: &[f64], values: *mut f64, count: usize) -> c_int {
     0
 }
 
-/// See the header.
+/// Opens a crane in equilibrium at the initial position of its file.
+///
+/// `path` is a crane file, or null for the paper's crane. `settings` has changed keys, one a line
+/// (`payload.mass_kg=340`), or is null. On an error returns null and writes the reason to `message`, of `size` bytes.
 ///
 /// # Safety
 ///
@@ -199,7 +202,10 @@ pub unsafe extern "C" fn hydroboom_open(
     }
 }
 
-/// See the header.
+/// Simulates `duration_s` \[s\], a whole number of the crane file's simulation periods, under constant inputs.
+///
+/// `pump_speed_rev_s` is the pump speed \[rev/s\], positive for lifting; `holding_valve` the 3/2 valve (1 energised,
+/// 0 load held). Returns 0 for success, 1 for an error.
 ///
 /// # Safety
 ///
@@ -216,7 +222,7 @@ pub unsafe extern "C" fn hydroboom_advance(
     live.run(|l| l.advance(Input { pump_speed: pump_speed_rev_s, holding_valve }, duration_s))
 }
 
-/// See the header.
+/// Time since the start \[s\]; NaN for a null pointer.
 ///
 /// # Safety
 ///
@@ -228,25 +234,25 @@ pub unsafe extern "C" fn hydroboom_time(crane: *const Live) -> f64 {
     guarded(|| Ok(live.crane.plant.time())).unwrap_or(f64::NAN)
 }
 
-/// See the header.
+/// Number of outputs.
 #[unsafe(no_mangle)]
 pub extern "C" fn hydroboom_output_count() -> usize {
     Outputs::NAMES.len()
 }
 
-/// See the header.
+/// Name of an output by its index from 0; null for an index out of range.
 #[unsafe(no_mangle)]
 pub extern "C" fn hydroboom_output_name(output: usize) -> *const c_char {
     listed_text(0, output)
 }
 
-/// See the header.
+/// Unit of an output by its index from 0; null for an index out of range.
 #[unsafe(no_mangle)]
 pub extern "C" fn hydroboom_output_unit(output: usize) -> *const c_char {
     listed_text(1, output)
 }
 
-/// See the header.
+/// Writes all outputs to `values`, with room for `count` numbers. Returns 0 for success, 1 for an error.
 ///
 /// # Safety
 ///
@@ -264,7 +270,7 @@ pub unsafe extern "C" fn hydroboom_read(
     unsafe { put(&seen, values, count) }
 }
 
-/// See the header.
+/// Number of states, which depends on the crane's number of segments; 0 for a null pointer.
 ///
 /// # Safety
 ///
@@ -275,7 +281,8 @@ pub unsafe extern "C" fn hydroboom_state_count(crane: *const Live) -> usize {
     unsafe { crane.as_ref() }.map_or(0, |live| live.crane.state_names.len())
 }
 
-/// See the header.
+/// Name of a state with its unit (`pressure_a_pa`), by its index from 0; null for an index out of range. It is valid
+/// until the crane is reset, restored or closed.
 ///
 /// # Safety
 ///
@@ -287,7 +294,7 @@ pub unsafe extern "C" fn hydroboom_state_name(crane: *const Live, state: usize) 
     live.and_then(|live| live.crane.state_names.get(state)).map_or(null(), |name| name.as_ptr())
 }
 
-/// See the header.
+/// Writes all states to `values`, with room for `count` numbers. Returns 0 for success, 1 for an error.
 ///
 /// # Safety
 ///
@@ -305,7 +312,8 @@ pub unsafe extern "C" fn hydroboom_read_states(
     unsafe { put(&seen, values, count) }
 }
 
-/// See the header.
+/// Writes one output (`pressure_a`) or state (`pressure_a_pa`), by its name, to `value`. Returns 0 for success, 1 for
+/// an error.
 ///
 /// # Safety
 ///
@@ -325,7 +333,8 @@ pub unsafe extern "C" fn hydroboom_value(
     unsafe { put(&[found], value, 1) }
 }
 
-/// See the header.
+/// Returns to equilibrium at the crane file's initial position and to time 0, with the current keys. Returns 0 for
+/// success, 1 for an error; the crane is then unchanged.
 ///
 /// # Safety
 ///
@@ -340,7 +349,7 @@ pub unsafe extern "C" fn hydroboom_reset(crane: *mut Live) -> c_int {
     })
 }
 
-/// See the header.
+/// Saves state, time and keys; null on an error. Release the copy with [`hydroboom_release`].
 ///
 /// # Safety
 ///
@@ -352,7 +361,8 @@ pub unsafe extern "C" fn hydroboom_save(crane: *const Live) -> *mut Saved {
     guarded(|| Ok(Box::into_raw(Box::new(Saved(live.crane.copied()))))).unwrap_or(null_mut())
 }
 
-/// See the header.
+/// Restores a saved copy, to any crane, which continues exactly as the saved one. Returns 0 for success, 1 for an
+/// error.
 ///
 /// # Safety
 ///
@@ -369,7 +379,7 @@ pub unsafe extern "C" fn hydroboom_restore(crane: *mut Live, saved: *const Saved
     })
 }
 
-/// See the header.
+/// Releases a saved copy.
 ///
 /// # Safety
 ///
@@ -387,7 +397,7 @@ pub unsafe extern "C" fn hydroboom_release(saved: *mut Saved) {
     }
 }
 
-/// See the header.
+/// Sets a key of the crane file during the simulation (`payload.mass_kg=120`). Returns 0 for success, 1 for an error.
 ///
 /// # Safety
 ///
@@ -401,7 +411,7 @@ pub unsafe extern "C" fn hydroboom_set(crane: *mut Live, assignment: *const c_ch
     live.run(|l| l.set(assignment?.ok_or("there is nothing to set")?))
 }
 
-/// See the header.
+/// Error text of the last call on this crane; empty after success. It is valid until the next call on the crane.
 ///
 /// # Safety
 ///
@@ -412,7 +422,7 @@ pub unsafe extern "C" fn hydroboom_message(crane: *const Live) -> *const c_char 
     unsafe { crane.as_ref() }.map_or(c"there is no crane".as_ptr(), |live| live.message.as_ptr())
 }
 
-/// See the header.
+/// Closes a crane.
 ///
 /// # Safety
 ///

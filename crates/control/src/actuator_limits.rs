@@ -1,19 +1,19 @@
-//! Speed and slew limits of the servo motor.
+//! Limits of the servo motor: speed and slew rate.
 
 use hydroboom_math::Real;
 
-/// Limits of the motor's speed and acceleration.
+/// Limits of the servo motor's speed and acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActuatorLimits<T> {
     /// Largest speed in either direction \[rev/s\].
     pub speed: T,
-    /// Largest change of speed \[rev/s²\].
+    /// Largest acceleration in either direction \[rev/s²\].
     pub slew: T,
 }
 
 impl<T: Real> ActuatorLimits<T> {
-    /// The speed \[rev/s\] the motor reaches after `period` \[s\] with `wanted` commanded at the speed
-    /// `now`.
+    /// Motor speed \[rev/s\] after `period` \[s\] if `wanted` \[rev/s\] is commanded at the speed `now` \[rev/s\],
+    /// within both limits.
     #[inline(always)]
     pub fn follow(&self, now: T, wanted: T, period: T) -> T {
         let reach = self.slew * period;

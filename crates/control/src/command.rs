@@ -4,7 +4,7 @@ use crate::measurement::AXES;
 use hydroboom_math::record;
 
 record! {
-    /// Command of one axis.
+    /// Command for one axis: motor speed and load-holding valve.
     pub struct AxisCommand<T> {
         /// Commanded motor speed
         #[unit = "rev/s"]
@@ -15,15 +15,15 @@ record! {
     }
 }
 
-/// Commands of all axes.
+/// Command of a control period, for all axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Command {
-    /// Each axis.
+    /// Command for each axis.
     pub axes: [AxisCommand<f64>; AXES],
 }
 
 impl Command {
-    /// Released axes, driven at these motor speeds \[rev/s\].
+    /// Command with the load released and motor speeds \[rev/s\], one per axis.
     pub fn released(motor_speeds: [f64; AXES]) -> Self {
         Self {
             axes: motor_speeds.map(|motor_speed| AxisCommand { motor_speed, holding_valve: 1.0 }),

@@ -6,7 +6,7 @@ use crate::reference::preview::Preview;
 use hydroboom_math::record;
 
 record! {
-    /// State of one axis of a simulated crane, as far as controllers use it.
+    /// State of one axis of a simulated crane, as controllers use it.
     pub struct AxisState<T> {
         /// Piston position
         #[unit = "m"]
@@ -20,35 +20,35 @@ record! {
     }
 }
 
-/// State of the crane that is simulated beside the machine, at the time of the measurement.
+/// State of the crane that is simulated in parallel to the machine, at the time of the measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SimulatedState {
-    /// Each axis.
+    /// State of each axis.
     pub axes: [AxisState<f64>; AXES],
 }
 
 /// Status of a controller after an update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ControllerStatus {
-    /// Motor speeds \[rev/s\] that drive the crane simulated beside the machine in the coming control period; none where the
-    /// controller uses no simulated crane.
+    /// Motor speeds \[rev/s\] of the crane simulated in parallel to the machine, for the next control period; `None`
+    /// if the controller uses no simulated crane.
     pub simulated_motor_speeds: Option<[f64; AXES]>,
     /// Whether the command depends on measurements.
     pub is_closed_loop: bool,
-    /// Control periods since the start in which a predictive controller's program had no solution, and an
-    /// earlier command was repeated.
+    /// Number of control periods since the start in which the optimisation problem of a predictive controller had no
+    /// solution, and an earlier command was repeated; 0 for other controllers.
     pub periods_without_solution: u64,
 }
 
-/// A controller. It has parameters and a state between control periods; it allocates nothing after it was
-/// made, and does not panic.
+/// Controller of a machine: measurement and reference in, command out, once a control period. It allocates nothing
+/// after its construction, and does not panic.
 pub trait Controller: Send {
-    /// Begins control of a machine at rest with the load released. The fieldbus delays a measurement by `delay_cycles` control periods, and a
-    /// command by as many, as far as is known.
+    /// Starts control of a machine at rest with the load released. `delay_cycles` is the known delay of the fieldbus
+    /// \[control periods\], for measurements and for commands each.
     fn start(&mut self, measurement: &Measurement, delay_cycles: u32);
 
-    /// The command for the coming control period. `preview` is the reference around now; `simulated` the crane that is simulated
-    /// beside the machine, none where there is none, or where it is not valid.
+    /// Command for the next control period. `preview` is the reference around the present; `simulated` the state of
+    /// the crane simulated in parallel, `None` if there is none or it is not valid.
     fn update(
         &mut self,
         measurement: &Measurement,
@@ -56,6 +56,6 @@ pub trait Controller: Send {
         simulated: Option<&SimulatedState>,
     ) -> Command;
 
-    /// The state after the last update.
+    /// Status after the last update.
     fn status(&self) -> ControllerStatus;
 }

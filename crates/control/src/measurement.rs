@@ -2,28 +2,28 @@
 
 use hydroboom_math::{Real, record};
 
-/// Axes of a machine, each a cylinder with its pump.
+/// Number of axes of a machine; an axis is a cylinder with its pump.
 pub const AXES: usize = 1;
 
 record! {
-    /// Signals of one axis, or something of each of them.
+    /// Measured signals of one axis, or a property of each of them. Pressures are gauge.
     pub struct AxisSignals<T> {
         /// Piston position
         #[unit = "m"]
         pub stroke: T,
-        /// Pressure on pump side A
+        /// Gauge pressure on pump side A
         #[unit = "Pa"]
         pub pressure_pump_a: T,
-        /// Pressure on the piston side
+        /// Gauge pressure on the piston side
         #[unit = "Pa"]
         pub pressure_a: T,
-        /// Pressure on the rod side
+        /// Gauge pressure on the rod side
         #[unit = "Pa"]
         pub pressure_b: T,
-        /// Pressure on pump side B
+        /// Gauge pressure on pump side B
         #[unit = "Pa"]
         pub pressure_pump_b: T,
-        /// Pressure in the accumulator
+        /// Gauge pressure in the accumulator
         #[unit = "Pa"]
         pub pressure_accumulator: T,
         /// Motor speed, from the drive's encoder
@@ -33,38 +33,38 @@ record! {
 }
 
 impl<T: Real> AxisSignals<T> {
-    /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\], by the ratio of rod-side to piston area.
+    /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\]. `area_ratio` is A_r/A_p \[1\].
     #[inline(always)]
     pub fn load_pressure(&self, area_ratio: T) -> T {
         self.pressure_a - area_ratio * self.pressure_b
     }
 }
 
-/// Whether a signal may be used.
+/// Validity of a measured signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validity {
-    /// It is a measured value of this control period, give or take the cycles of the fieldbus.
+    /// Valid: measured in this control period, up to the delay of the fieldbus.
     #[default]
     Good,
-    /// It is not measured, or is no number.
+    /// Not measured, or NaN.
     Absent,
-    /// It is outside the sensor's range.
+    /// Outside the sensor's range.
     OutOfRange,
-    /// It is older than the machine may leave a controller without a measurement.
+    /// Older than the age up to which a controller may use it.
     Stale,
 }
 
-/// Signals of one axis, and which of them may be used.
+/// Measured signals of one axis with their validity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AxisMeasurement {
     /// The signals, in SI units, speeds in rev/s.
     pub signals: AxisSignals<f64>,
-    /// The validity of each.
+    /// Validity of each signal.
     pub validity: AxisSignals<Validity>,
 }
 
 impl AxisMeasurement {
-    /// Signals that are good as far as they are numbers.
+    /// Signals that are valid if they are finite, else absent.
     pub fn new(signals: AxisSignals<f64>) -> Self {
         let validity = signals.map(|value| match value.is_finite() {
             true => Validity::Good,
@@ -73,8 +73,8 @@ impl AxisMeasurement {
         Self { signals, validity }
     }
 
-    /// Signals with the validity that the machine reports. One that is absent or out of range is NaN, for
-    /// any value that came with it, so that it is not used as a measured one.
+    /// Signals with the validity reported by the machine. A signal that is absent or out of range becomes NaN, so
+    /// that its value is not used.
     pub fn reported(signals: AxisSignals<f64>, validity: AxisSignals<Validity>) -> Self {
         let mut values = signals.to_array();
         for (value, validity) in values.iter_mut().zip(validity.to_array()) {
@@ -85,7 +85,7 @@ impl AxisMeasurement {
         Self { signals: AxisSignals::from_array(values), validity }
     }
 
-    /// With values outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
+    /// Marks signals outside their range (lowest, highest) as [`Validity::OutOfRange`].
     #[must_use]
     pub fn within(mut self, ranges: &AxisSignals<(f64, f64)>) -> Self {
         let (values, ranges) = (self.signals.to_array(), ranges.to_array());
@@ -99,7 +99,7 @@ impl AxisMeasurement {
         self
     }
 
-    /// With valid signals marked as [`Validity::Stale`].
+    /// Marks valid signals as [`Validity::Stale`].
     #[must_use]
     pub fn stale(mut self) -> Self {
         self.validity = self.validity.map(|validity| match validity {
@@ -110,19 +110,19 @@ impl AxisMeasurement {
     }
 }
 
-/// Signals of all axes, sampled at one time.
+/// Measurement of all axes, sampled at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
-    /// Its number, which grows by one with each; 0 before the first.
+    /// Sequence number, which increases by one per measurement; 0 before the first.
     pub number: u64,
-    /// Time of sampling \[s\], by the machine's clock.
+    /// Sampling time by the machine's clock \[s\].
     pub time: f64,
-    /// Each axis.
+    /// Measurement of each axis.
     pub axes: [AxisMeasurement; AXES],
 }
 
 impl Measurement {
-    /// A measurement of good signals.
+    /// Measurement from signals, valid if they are finite, with sequence number and sampling time \[s\].
     pub fn new(number: u64, time: f64, signals: [AxisSignals<f64>; AXES]) -> Self {
         Self { number, time, axes: signals.map(AxisMeasurement::new) }
     }

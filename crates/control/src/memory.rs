@@ -1,11 +1,11 @@
-//! State of a controller, as numbers with names.
+//! State of a controller as named numbers.
 
-/// A record of the state between periods, all of it numbers.
-///
-/// For a memory that is outside: states of generated code, a file, a message.
+/// State of a controller as a sequence of named numbers, for generated code, files and messages.
 pub trait Memory<T>: Sized {
-    /// The same with every number replaced by what `visit` makes of it: shown the name of the quantity and the number, in a fixed
-    /// order. Neighbours of one name are the entries of one table.
+    /// Replaces every number by the result of `visit`, which receives the quantity's name and the number, in a fixed
+    /// order.
+    ///
+    /// Consecutive numbers of one name are the entries of one table.
     #[must_use]
     fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self;
 }

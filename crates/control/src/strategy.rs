@@ -1,21 +1,22 @@
-//! The compared ways to find the motor's speed.
+//! Control strategies that are compared.
 
 use core::error::Error;
 use core::fmt;
 use core::str::FromStr;
 
-/// How the motor's speed is found.
+/// Control strategy: how the commanded motor speed is determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
-    /// u_FF alone, without any feedback (test 1).
+    /// Velocity feedforward u_FF (1) alone, without feedback (test 1).
     VelocityFeedforward,
-    /// The speed that the benchmark controller gives the simulated crane (tests 1 and 2).
+    /// Motor speed of the benchmark controller on the simulated crane, without feedback (tests 1 and 2).
     SimulationFeedforwardOpenLoop,
-    /// The benchmark controller (tests 2 and 3).
+    /// Benchmark controller: velocity feedforward, PI and pressure feedback (tests 2 and 3).
     BenchmarkClosedLoop,
-    /// The benchmark controller with the simulation's speed in the place of u_FF (test 3).
+    /// Benchmark controller with the simulated crane's motor speed as feedforward, in place of u_FF (test 3).
     SimulationFeedforwardClosedLoop,
-    /// Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference, on a Kalman filter's estimates (ours).
+    /// Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference, on a Kalman filter's
+    /// estimates (ours).
     ScheduledLqr,
 }
 
@@ -40,28 +41,28 @@ impl Strategy {
         }
     }
 
-    /// Whether a simulation runs beside the machine.
+    /// Whether a crane is simulated in parallel to the machine.
     pub fn simulates(self) -> bool {
         !matches!(self, Self::VelocityFeedforward | Self::BenchmarkClosedLoop | Self::ScheduledLqr)
     }
 
-    /// Whether it looks at the machine.
+    /// Whether the command depends on measurements: closed loop.
     pub fn measures(self) -> bool {
         !matches!(self, Self::VelocityFeedforward | Self::SimulationFeedforwardOpenLoop)
     }
 
-    /// Whether it is the scheduled LQR, on estimates of its own.
+    /// Whether it is the scheduled LQR, which uses state estimates.
     pub fn estimates(self) -> bool {
         self == Self::ScheduledLqr
     }
 }
 
-/// Why a name is no strategy's.
+/// Reason why a name is not that of a strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoStrategy {
-    /// None was ever called so.
+    /// Unknown name.
     Unknown,
-    /// `model-following`, of an earlier version.
+    /// Former name `model-following`, of an earlier version.
     Replaced,
 }
 

@@ -46,7 +46,22 @@ pub enum BuildError {
 }
 
 impl Description {
-    /// The model, in a type with room for `N` segments.
+    /// Model of the crane, in a type with room for `N` coordinates.
+    ///
+    /// ```
+    /// use hydroboom_description::Description;
+    /// use hydroboom_model::{Input, Scheme, Simulation};
+    ///
+    /// let description = Description::uia_single_boom()?;
+    /// let crane = description.crane::<3>()?;
+    /// let rest = crane.at_rest(&description.start(0.25))?;
+    /// let mut simulation = Simulation::new(crane, rest, Scheme::Implicit, 1e-3)?;
+    /// simulation.advance(&Input { pump_speed: 0.0, holding_valve: 0.0 }, 100)?;
+    /// // with the load held and the pump at rest the piston stays within a millimetre
+    /// let outputs = simulation.crane().outputs(simulation.state());
+    /// assert!((outputs.stroke - 0.25).abs() < 1e-3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     ///
@@ -113,7 +128,7 @@ impl Description {
         Ok(self.around(circuit, n)?)
     }
 
-    /// The model of a crane with a valve-controlled circuit.
+    /// Model of a crane with a valve-controlled circuit, with other numbers of type `T`.
     ///
     /// # Errors
     ///
@@ -244,7 +259,7 @@ impl Description {
         })
     }
 
-    /// The same crane with `segments` equal segments on a rigid base.
+    /// Description of the crane with `segments` equal segments on a rigid base.
     pub fn divided(&self, segments: usize) -> Self {
         let mut divided = self.clone();
         divided.segment_shares = vec![1.0; segments];
@@ -268,12 +283,12 @@ impl Description {
         )
     }
 
-    /// Initial conditions at a piston position \[m\], with the pump sides preloaded as described.
+    /// Initial conditions of an equilibrium at a piston position \[m\], with the pump sides preloaded as described.
     pub fn start(&self, stroke: f64) -> Start {
         self.start_over(&self.numbers, stroke)
     }
 
-    /// Initial conditions with other numbers, as in [`crane_over`](Self::crane_over).
+    /// Initial conditions at a piston position \[m\] with other numbers, as in [`crane_over`](Self::crane_over).
     pub fn start_over<T: Real>(&self, n: &Numbers<T>, stroke: T) -> Start<T> {
         Start {
             stroke,
@@ -289,12 +304,12 @@ impl Description {
         ValveStart { stroke, pressure_a: None, pressure_b: n.tank_pressure }
     }
 
-    /// The benchmark controller.
+    /// Benchmark controller with the gains of the crane file.
     pub fn benchmark(&self) -> Benchmark<f64> {
         self.benchmark_over(&self.numbers)
     }
 
-    /// The benchmark controller with other numbers.
+    /// Benchmark controller with other numbers, as in [`crane_over`](Self::crane_over).
     pub fn benchmark_over<T: Real>(&self, n: &Numbers<T>) -> Benchmark<T> {
         let piston_area = T::lit(std::f64::consts::FRAC_PI_4) * n.piston.square();
         Benchmark {
@@ -309,28 +324,28 @@ impl Description {
         }
     }
 
-    /// Cylinder of the model.
+    /// Cylinder of the crane: areas, stroke and dead volumes.
     pub fn cylinder(&self) -> Cylinder<f64> {
         cylinder(&self.numbers)
     }
 
-    /// Friction law of the model.
+    /// Friction law of the cylinder.
     pub fn friction_law(&self) -> Friction<f64> {
         self.friction(&self.numbers)
     }
 
-    /// Oil of the model, without dissolved air.
+    /// Oil of the crane, without dissolved air.
     pub fn oil(&self) -> Oil<f64> {
         oil(&self.numbers)
     }
 
-    /// Piston velocity \[m/s\] at the motor's largest speed, without leakage.
+    /// Largest piston velocity \[m/s\]: at the motor's largest speed, without leakage.
     pub fn fastest_piston(&self) -> f64 {
         let n = &self.numbers;
         n.motor_speed * n.displacement / self.cylinder().piston_area
     }
 
-    /// Reference motion of the tests at a speed \[m/s\].
+    /// Out-and-back reference motion of the tests, at a speed \[m/s\].
     pub fn motion(&self, speed: f64) -> OutAndBack<f64> {
         let n = &self.numbers;
         OutAndBack {

@@ -283,7 +283,7 @@ impl Description {
         }
     }
 
-    /// Implausible values and combinations, as sentences for the user.
+    /// Warnings of implausible values and combinations, as sentences for the user; empty if there are none.
     pub fn warnings(&self) -> Vec<String> {
         let n = &self.numbers;
         let mut warnings = self.impossible_ranges();

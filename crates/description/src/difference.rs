@@ -23,16 +23,16 @@ pub fn is_of_machine(section: &str) -> bool {
     !AROUND.contains(&section) && !is_equipment(section)
 }
 
-/// A key with its values in two descriptions.
+/// Key whose values differ in two descriptions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// `section.key`.
+    /// Path of the key, `section.key`.
     pub key: String,
-    /// Value in the first description.
+    /// Value in the first description, in the key's unit.
     pub here: String,
-    /// Value in the second description.
+    /// Value in the second description, in the key's unit.
     pub there: String,
-    /// Unit of both; empty for choices.
+    /// Unit of both values; empty for choices.
     pub unit: &'static str,
 }
 
@@ -65,7 +65,7 @@ impl Difference {
         }
     }
 
-    /// The override that gives this key its value of the second description.
+    /// Override `section.key=value` that gives this key its value of the second description.
     pub fn assignment(&self) -> String {
         format!("{}={}", self.key, self.there)
     }
@@ -84,7 +84,7 @@ pub fn by_weight(mut differences: Vec<Difference>) -> Vec<Difference> {
 }
 
 impl Description {
-    /// Every key whose value differs in `other`, without names.
+    /// Keys whose values differ in `other`; names of machines are not compared.
     pub fn differences(&self, other: &Self) -> Vec<Difference> {
         let text = |description: &Self| {
             let shares: Vec<String> =

@@ -98,14 +98,14 @@ fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
 
-/// A key that a crane file leaves out, with its typical value.
+/// Key that a crane file leaves out, with its typical value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilledIn {
-    /// The key.
+    /// The key with its unit and limits.
     pub key: &'static Key,
-    /// Its value, in the key's unit.
+    /// Typical value, in the key's unit.
     pub value: f64,
-    /// Source of the value.
+    /// Source of the typical value, for example a data sheet or "estimate".
     pub source: &'static str,
 }
 

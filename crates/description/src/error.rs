@@ -3,21 +3,21 @@
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
-/// A problem with a crane file or an override.
+/// Problem with a crane file or an override: what was read, what is allowed, and what to do.
 #[derive(Clone, Debug, Error, Diagnostic)]
 #[error("{message}")]
 pub struct Problem {
-    /// Description of the problem.
+    /// What was read, and what is allowed.
     pub message: String,
-    /// Remedy.
+    /// Remedy; `None` if the message suffices.
     #[help]
     pub help: Option<String>,
-    /// Position in the file.
+    /// Position in [`source_code`](Self::source_code) \[byte\]; `None` for an override.
     #[label("{label}")]
     pub span: Option<SourceSpan>,
-    /// Label of that position in the excerpt.
+    /// Label of that position in the excerpt of the file.
     pub label: String,
-    /// Text of the file.
+    /// Text of the file, for the excerpt.
     #[source_code]
     pub source_code: Option<NamedSource<String>>,
 }
@@ -29,7 +29,7 @@ impl Problem {
     }
 }
 
-/// All problems with a crane file.
+/// Problems with a crane file or an override, all that were found.
 #[derive(Clone, Debug, Error, Diagnostic)]
 #[error("{name}: {} problem{}", problems.len(), if problems.len() == 1 { "" } else { "s" })]
 pub struct DescriptionError {

@@ -1,4 +1,4 @@
-//! What an error shows of a crane file: the lines about a place, cut to what fits on a screen.
+//! Excerpt of a crane file for an error message: the lines around a position, cut to the width of a screen.
 
 use miette::NamedSource;
 use std::ops::Range;

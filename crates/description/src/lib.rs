@@ -81,16 +81,29 @@ impl Origin {
     }
 }
 
-/// A machine as described by its file: numbers in SI units, choices, and the origin of each.
+/// Description of a machine by its crane file: numbers in SI units, choices, and the origin of each.
+///
+/// ```
+/// use hydroboom_description::{Description, UIA_SINGLE_BOOM};
+///
+/// let mut crane = Description::parse("crane.toml", UIA_SINGLE_BOOM)?;
+/// crane.set("payload.mass_kg=100")?;
+/// assert_eq!(crane.numbers.payload, 100.0);
+/// // keys have their own unit, here `cylinder.stroke_mm = 500`, numbers SI units
+/// assert!((crane.numbers.stroke - 0.5).abs() < 1e-12);
+/// // a value beyond its limits is refused
+/// assert!(crane.set("payload.mass_kg=-1").is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Description {
     /// Name of the machine.
     pub name: String,
-    /// All numbers, in SI units.
+    /// Values of all numeric keys, in SI units.
     pub numbers: Numbers<f64>,
-    /// All choices.
+    /// Values of all choices.
     pub choices: Choices,
-    /// Relative lengths of the boom's segments, from the bearing to the tip.
+    /// Lengths of the boom's segments as shares of its length, from the bearing to the tip.
     pub segment_shares: Vec<f64>,
     /// Origin of every number, in the order of [`schema::KEYS`].
     origins: Vec<Origin>,
@@ -100,17 +113,17 @@ pub struct Description {
     is_embedded: bool,
 }
 
-/// The paper's crane.
+/// Crane file of the paper's crane.
 pub const UIA_SINGLE_BOOM: &str = include_str!("../../../cranes/uia-single-boom.toml");
 
-/// The virtual crane.
+/// Crane file of the virtual crane.
 pub const UIA_VIRTUAL: &str = include_str!("../../../cranes/uia-virtual.toml");
 
-/// Lift cylinder of a forestry crane, valve-controlled.
+/// Crane file of the lift cylinder of a forestry crane, valve-controlled.
 pub const PATU_LIFT: &str = include_str!("../../../cranes/patu-lift.toml");
 
 impl Description {
-    /// Lift cylinder of a forestry crane with a valve-controlled circuit and a boom of links, embedded.
+    /// Lift cylinder of a forestry crane with a valve-controlled circuit and a boom of links, from its embedded file.
     ///
     /// # Errors
     ///
@@ -119,7 +132,7 @@ impl Description {
         Self::embedded("cranes/patu-lift.toml (embedded)", PATU_LIFT)
     }
 
-    /// The paper's crane, embedded.
+    /// The paper's crane, from its embedded file.
     ///
     /// # Errors
     ///
@@ -128,7 +141,7 @@ impl Description {
         Self::embedded("cranes/uia-single-boom.toml (embedded)", UIA_SINGLE_BOOM)
     }
 
-    /// The virtual crane, embedded: a simulated substitute for the real crane, not identified from it.
+    /// The virtual crane, from its embedded file: a simulated substitute for the real crane, not identified from it.
     ///
     /// # Errors
     ///
@@ -141,7 +154,7 @@ impl Description {
         Ok(Self { is_embedded: true, ..Self::parse(name, text)? })
     }
 
-    /// Every key of this kind of crane, with value and origin as in [`entries`](Self::entries).
+    /// Keys of this kind of crane, with the value in the key's own unit and its origin.
     pub fn own_entries(&self) -> impl Iterator<Item = (&'static Key, f64, &Origin)> {
         let values = self.numbers.to_array();
         self.own_keys().map(move |index| {
@@ -159,7 +172,7 @@ impl Description {
         })
     }
 
-    /// Every choice of this kind of crane, with its name.
+    /// Choices of this kind of crane: path and chosen name.
     pub fn own_choices(&self) -> Vec<(&'static str, &'static str)> {
         let segments = self.segment_shares.len();
         let is_own = |path: &str| {
@@ -169,7 +182,7 @@ impl Description {
         self.choices.list().into_iter().filter(|(path, _)| is_own(path)).collect()
     }
 
-    /// Every key with its value in the key's own unit and its origin.
+    /// All keys, with the value in the key's own unit and its origin.
     pub fn entries(&self) -> impl Iterator<Item = (&'static Key, f64, &Origin)> {
         let values = self.numbers.to_array();
         schema::KEYS
@@ -180,7 +193,7 @@ impl Description {
     }
 }
 
-/// Overrides of the embedded plant with model mismatch.
+/// Overrides of the embedded plant for tests with model mismatch, a `[set]` table.
 pub const OFF_MODEL: &str = include_str!("../../../cranes/off-model.toml");
 
 impl Description {

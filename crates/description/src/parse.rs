@@ -257,7 +257,7 @@ fn number(value: &DeValue<'_>) -> Option<f64> {
 }
 
 impl Description {
-    /// Reads and checks a crane file. `file` is its name, for messages.
+    /// Parses and checks a crane file. `file` is its name, for messages; `text` is its content.
     ///
     /// # Errors
     ///

@@ -1,6 +1,6 @@
 //! Placeholders in a new crane file: values of another machine that the user has not edited yet.
 
-/// Provenance of a placeholder value.
+/// Provenance of a placeholder: a value of another machine that the user has not edited yet.
 pub const PLACEHOLDER: &str = "placeholder";
 
 /// Marks every number with a provenance in a crane file's text as a placeholder from `whose` machine. The source

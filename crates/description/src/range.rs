@@ -15,7 +15,7 @@ pub enum RangeSource {
 }
 
 impl RangeSource {
-    /// Name of the source.
+    /// Name of the source: in tables and JSON.
     pub fn name(self) -> &'static str {
         match self {
             Self::File => "file",
@@ -25,25 +25,25 @@ impl RangeSource {
     }
 }
 
-/// Plausible values of a number, in SI units. The range contains the current value.
+/// Range of plausible values of a number, in SI units. It contains the current value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueRange {
-    /// Smallest value.
+    /// Smallest value, in SI units.
     pub low: f64,
-    /// Largest value.
+    /// Largest value, in SI units.
     pub high: f64,
-    /// Source of the range.
+    /// Source of this range.
     pub source: RangeSource,
 }
 
-/// Ranges of all numbers.
+/// Ranges of plausible values of all numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranges {
     /// Smallest values, in SI units.
     pub low: Numbers<f64>,
     /// Largest values, in SI units.
     pub high: Numbers<f64>,
-    /// Sources, in the order of [`KEYS`].
+    /// Source of each range, in the order of [`KEYS`].
     pub sources: [RangeSource; KEYS.len()],
 }
 
@@ -70,7 +70,7 @@ impl Description {
         }
     }
 
-    /// Every key of this kind of crane, with its range in the key's own unit.
+    /// Keys of this kind of crane, with the range in the key's own unit and its source.
     pub fn own_ranges(&self) -> impl Iterator<Item = (&'static Key, [f64; 2], RangeSource)> {
         self.own_keys().map(|index| {
             let (key, range) = (&KEYS[index], self.range_at(index));

@@ -26,7 +26,7 @@ macro_rules! keys {
                 $($m_whole:ident)? $m_low:literal ..= $m_high:literal $(or $m_absent:literal)?, $m_meaning:literal; )+
         }
     ) => {
-        /// Values of all numeric keys.
+        /// Values of all numeric keys, in SI units. Name, unit, limits and meaning of each are in [`KEYS`].
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct Numbers<T> {
             $( #[doc = $meaning] pub $field: T, )+

@@ -16,7 +16,7 @@ pub(crate) fn known_paths() -> impl Iterator<Item = String> {
     KEYS.iter().map(Key::path).chain(others.map(String::from))
 }
 
-/// "did you mean ...?" for an unknown path.
+/// Text "did you mean ...?" with the most similar key for an unknown path, or how to list all keys.
 pub fn suggestion(path: &str) -> String {
     if path == "following" || path.starts_with("following.") {
         return "model following was replaced by the scheduled LQR: its keys are in [estimator] and [scheduled_lqr]".into();

@@ -1,16 +1,20 @@
-//! Gains of the benchmark controller for a crane: M-constrained integral gain optimisation, robust over payload range and stroke.
+//! Gains of the benchmark controller for a crane: M-constrained integral gain optimisation, robust over payload range
+//! and stroke.
 //!
 //! ```text
 //! maximise K_i  subject to  |1 + L(iω)| ≥ 1/M_s  for all frequencies, payloads of the range, and piston positions,
-//!                           K_i ≤ K_p²           (the position loop by itself is damped by 0.5 at least),   k_f τ/A_p ≤ largest droop
+//!                           K_i ≤ K_p²           (the position loop by itself is damped by 0.5 at least),
+//!                           k_f τ/A_p ≤ largest droop
 //! L = ((K_p + K_i/s) A_p/K_VP G_x + k_f/K_VP τs/(τs + 1) G_p) · drive and fieldbus
 //! ```
 //!
-//! The integrated error after a step of an unknown flow (leakage) is in proportion to 1/K_i; M_s is the largest sensitivity, the reciprocal of the modulus
-//! margin. It bounds both classical margins: gain margin ≥ M_s/(M_s − 1), phase margin ≥ 2 arcsin(1/(2 M_s)). Source: K. J. Åström,
-//! H. Panagopoulos, T. Hägglund, Design of PI controllers based on non-convex optimization, Automatica 34(5), 1998,
-//! doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and its high-pass are found in the same search: K_i is the largest over all four. Pressure feedback
-//! lets the piston droop by k_f τ/A_p under a load pressure that lasts, until the integral makes it good; that is limited, for it costs tracking.
+//! The integrated error after a step of an unknown flow (leakage) is in proportion to 1/K_i; M_s is the largest
+//! sensitivity, the reciprocal of the modulus margin. It bounds both classical margins: gain margin ≥ M_s/(M_s − 1),
+//! phase margin ≥ 2 arcsin(1/(2 M_s)). Source: K. J. Åström, H. Panagopoulos, T. Hägglund, Design of PI controllers
+//! based on non-convex optimization, Automatica 34(5), 1998, doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and
+//! its high-pass are found in the same search: K_i is the largest over all four. Pressure feedback lets the piston
+//! droop by k_f τ/A_p under a load pressure that lasts, until the integral makes it good; that is limited, for it
+//! costs tracking.
 //!
 //! All payloads of the range and all positions are infinitely many constraints. They are met by an exchange
 //! method: gains are found for some payloads and positions, then the worst of all others is searched with
@@ -43,12 +47,12 @@ pub struct Gains {
     pub integral_per_s2: f64,
     /// Pressure feedback k_f \[m³/(s Pa)\].
     pub pressure_feedback_m3_per_spa: f64,
-    /// Time constant of its high-pass τ \[s\].
+    /// Time constant τ of the pressure feedback's high-pass \[s\].
     pub high_pass_s: f64,
 }
 
 impl Gains {
-    /// Those of a description.
+    /// Gains of a description.
     pub fn of(description: &Description) -> Self {
         let n = &description.numbers;
         Self {
@@ -59,7 +63,7 @@ impl Gains {
         }
     }
 
-    /// A description with these gains.
+    /// Copy of a description with these gains.
     pub fn put(&self, description: &Description) -> Description {
         let mut changed = description.clone();
         let n = &mut changed.numbers;
@@ -70,7 +74,7 @@ impl Gains {
         changed
     }
 
-    /// Keys of the crane file with their values.
+    /// Keys of the crane file with these gains, each in the key's unit.
     pub fn keys(&self) -> [(&'static str, f64); 4] {
         [
             ("controller.proportional_per_s", self.proportional_per_s),
@@ -92,31 +96,32 @@ impl Gains {
     }
 }
 
-/// Designed gains, and their margins.
+/// Designed gains of the benchmark controller, and their worst-case margins.
 #[derive(Clone, Debug, Serialize)]
 pub struct BenchmarkDesign {
-    /// The gains.
+    /// Designed gains.
     pub gains: Gains,
-    /// Largest sensitivity that was allowed.
+    /// Largest allowed peak of the sensitivity function, M_s \[1\].
     pub sensitivity_peak: f64,
-    /// Payloads that they are robust over.
+    /// Range of payloads of the design \[kg\]: smallest, largest.
     pub payload_kg: [f64; 2],
-    /// The least of each margin over payloads and positions.
+    /// Worst-case margins over this range and the stroke.
     pub worst: WorstMargins,
 }
 
-/// The payload range of a crane file \[kg\]; its payload alone where there is none.
+/// Payload range of a crane file \[kg\]: smallest, largest; its default spread, 0 to 1.2 times the
+/// payload, if the file states no range.
 pub fn payload_range(description: &Description) -> [f64; 2] {
     let own = description.numbers.payload;
     description.range("payload.mass_kg").map_or([own; 2], |range| [range.low, range.high])
 }
 
-/// Gains of the benchmark controller for payloads between two \[kg\].
+/// Designs the gains of the benchmark controller for a range of payloads \[kg\].
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised with one of the payloads, or no gains keep the
-/// required distance, or the exchange does not converge.
+/// [`DesignError`] if the crane cannot be linearised with one of the payloads, if no gains keep the required margins,
+/// or if the search for worst cases does not converge.
 pub fn benchmark_design(
     description: &Description,
     payload: [f64; 2],
@@ -146,8 +151,8 @@ mod tests {
     use crate::design_report::benchmark_loop;
     use crate::{LinearisedPlant, margins};
 
-    /// The paper tuned its benchmark on its crane. The method gives about the same: no other controller
-    /// than the paper's.
+    /// The paper tuned its benchmark on its crane. The method comes to about the same: no other controller than the
+    /// paper's.
     #[test]
     fn the_method_gives_the_papers_crane_about_the_papers_gains() {
         let paper = Description::uia_single_boom().unwrap();

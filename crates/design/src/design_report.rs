@@ -1,4 +1,4 @@
-//! Both loops at a piston position, before anything moves: the benchmark's and the scheduled LQR's.
+//! Design report: load mode and stability margins of both control loops at a piston position.
 
 use crate::linear::Mode;
 use crate::operating_points::rod_side_term;
@@ -10,21 +10,23 @@ use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// A design at a piston position.
+/// Load mode and stability margins of both loops at a piston position.
 #[derive(Clone, Debug, Serialize)]
 pub struct DesignReport {
-    /// Piston position.
+    /// Piston position \[mm\].
     pub stroke_mm: f64,
-    /// The mode in which boom and load oscillate on the oil; none where it is overdamped.
+    /// Mode of boom and load on the oil's spring; `None` if it is overdamped.
     pub load_mode: Option<Mode>,
-    /// Of the benchmark's loop.
+    /// Margins of the benchmark controller's loop.
     pub benchmark: Margins,
-    /// Of the scheduled LQR's loop.
+    /// Margins of the scheduled LQR's loop.
     pub scheduled_lqr: Margins,
 }
 
-/// The benchmark's loop around the machine. Drive and fieldbus, with the estimator's values before
-/// identification, delay it, and the sampling by half a period.
+/// Loop of the benchmark controller, with the drive lag and fieldbus delay that the estimator assumes before
+/// identification.
+///
+/// Sampling delays it by half a control period.
 pub fn benchmark_loop(description: &Description) -> Loop {
     let n = &description.numbers;
     let fieldbus = 2.0 * f64::from(known_delay(description)) * n.control_period;
@@ -39,7 +41,7 @@ pub fn benchmark_loop(description: &Description) -> Loop {
     }
 }
 
-/// The scheduled LQR's loop around the machine at a piston position \[m\], settled at rest with the crane file's payload; the drive's lag is that of the crane file.
+/// Loop of the scheduled LQR, settled at rest at a piston position \[m\] with the crane file's payload and drive lag.
 ///
 /// # Errors
 ///
@@ -49,10 +51,10 @@ pub fn scheduled_lqr_loop(description: &Description, stroke: f64) -> Result<Loop
     Ok(scheduled_lqr_loop_at(description, &design, stroke, description.numbers.payload))
 }
 
-/// The same for estimator and law [`designed`] for the description, settled at rest with an estimated
-/// payload \[kg\].
+/// Loop of the scheduled LQR from a given design of estimator and law, settled at rest at `stroke` \[m\] with an
+/// estimated payload \[kg\].
 ///
-/// Its friction slides, as that of its crane: friction that sticks is a spring to the estimator. With a
+/// Its friction slides, as that of its linearised crane: friction that sticks is a spring to the estimator. With a
 /// crane that slides the loop would then be unstable.
 pub fn scheduled_lqr_loop_at(
     description: &Description,
@@ -80,11 +82,11 @@ pub fn scheduled_lqr_loop_at(
     }
 }
 
-/// The loop at a piston position \[m\] of a crane.
+/// Load mode and margins of both loops at a piston position \[m\].
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised there.
+/// [`DesignError`] if the crane cannot be linearised there.
 pub fn design_report(description: &Description, stroke: f64) -> Result<DesignReport, DesignError> {
     let crane = LinearisedPlant::new(description, stroke)?;
     Ok(DesignReport {
@@ -113,7 +115,8 @@ mod tests {
         }
     }
 
-    /// A third of the payload makes the oil soft: with the paper's gains the benchmark is unstable around it, and an unstable loop has no margins.
+    /// A third of the payload makes the oil soft: with the paper's gains the benchmark is unstable around it, and an
+    /// unstable loop has no margins.
     #[test]
     fn an_unstable_loop_is_told_so_in_place_of_its_margins() {
         let mut light = Description::uia_single_boom().unwrap();

@@ -1,56 +1,57 @@
-//! Errors of a design.
+//! Errors of design and analysis.
 
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use thiserror::Error;
 
-/// Why there is no such controller.
+/// Reason why a controller cannot be designed or analysed.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum DesignError {
-    /// There is no such crane to be controlled.
+    /// The description gives no crane in equilibrium.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// The crane's simulation stopped.
+    /// The simulation of the crane has stopped.
     #[error("simulating the design: {0}")]
     Simulation(SimulationError),
-    /// Eigenvalues that cannot be computed.
+    /// The eigenvalues of a matrix cannot be computed.
     #[error("eigenvalues: {0}")]
     Eigenvalues(String),
-    /// A reduced model that cannot be fitted.
+    /// The reduced model cannot be fitted.
     #[error("the reduced model cannot be fitted: {0}")]
     NoFit(String),
-    /// Gains whose worst case is still another one after all exchanges.
+    /// The search for gains found further worst cases after its last exchange.
     #[error(
         "the search for gains of the benchmark for payloads of {low_kg:.0} to {high_kg:.0} kg has not converged: after {exchanges} worst cases \
          there is still another. Choose a narrower range of payloads"
     )]
     NotConverged {
-        /// Worst cases that were added to the search.
+        /// Number of worst cases added to the search.
         exchanges: u32,
-        /// Smallest payload.
+        /// Smallest payload of the range \[kg\].
         low_kg: f64,
-        /// Largest payload.
+        /// Largest payload of the range \[kg\].
         high_kg: f64,
     },
-    /// Gains that keep the margins do not exist.
+    /// No gains keep the required margins.
     #[error(
         "no gains of the benchmark keep the largest sensitivity below {sensitivity_peak} for payloads of {low_kg:.0} to {high_kg:.0} kg \
          over the stroke. Try a narrower range of payloads or a larger benchmark_design.sensitivity_peak"
     )]
     NoGains {
-        /// Largest sensitivity that is allowed.
+        /// Largest allowed peak of the sensitivity function, M_s \[1\].
         sensitivity_peak: f64,
-        /// Smallest payload.
+        /// Smallest payload of the range \[kg\].
         low_kg: f64,
-        /// Largest payload.
+        /// Largest payload of the range \[kg\].
         high_kg: f64,
     },
-    /// A linearised crane whose responses are not finite, that no mass on its oil describes, or whose load does not oscillate.
+    /// The linearised crane has no load mode: its responses are not finite, or no mass on a hydraulic spring fits
+    /// them.
     #[error("at {stroke_mm:.0} mm the linearised crane cannot be used: {reason}")]
     NoMode {
-        /// Piston position.
+        /// Piston position \[mm\].
         stroke_mm: f64,
-        /// The value found.
+        /// What the analysis found instead.
         reason: String,
     },
 }

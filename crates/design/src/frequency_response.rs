@@ -1,11 +1,12 @@
-//! Response of a linear system at one frequency after the other, by its Hessenberg form.
+//! Frequency response of a linear system by its Hessenberg form.
 //!
 //! ```text
 //! C (s − A)⁻¹ B = C' (s − H)⁻¹ B',   A = S Q H Qᵀ S⁻¹
 //! ```
 //!
-//! S balances the matrix, Q makes it an upper Hessenberg one, once; a frequency then costs n² operations in place of n³. Source: A. J. Laub, Efficient multivariable
-//! frequency response computations, IEEE Transactions on Automatic Control 26(2), 1981, doi:10.1109/TAC.1981.1102656.
+//! S balances the matrix, Q makes it an upper Hessenberg one, once; a frequency then costs n² operations in place of
+//! n³. Source: A. J. Laub, Efficient multivariable frequency response computations, IEEE Transactions on Automatic
+//! Control 26(2), 1981, doi:10.1109/TAC.1981.1102656.
 
 use crate::linear::balanced;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -22,7 +23,7 @@ pub(crate) struct FrequencyResponse {
 }
 
 impl FrequencyResponse {
-    /// Of ẋ = A x + B u, or x(k+1) = A x(k) + B u(k), with outputs in rows.
+    /// Hessenberg form of ẋ = A x + B u, or of x(k+1) = A x(k) + B u(k), with the output matrix C by rows.
     pub fn new(a: &DMatrix<f64>, b: &DMatrix<f64>, outputs: &[Vec<f64>]) -> Self {
         let (balanced, sizes) = balanced(a);
         let scaled = DMatrix::from_fn(a.nrows(), b.ncols(), |i, j| b[(i, j)] / sizes[i]);
@@ -41,9 +42,9 @@ impl FrequencyResponse {
         }
     }
 
-    /// Complex amplitudes of the outputs for inputs of these amplitudes, one for each column of B, that
-    /// change as e^(s t), s in \[1/s\]. For a sampled system they change as z^k, with s being z. None where
-    /// s is a pole.
+    /// Complex amplitudes of the outputs for inputs `amplitudes` e^(s t), one per column of B, at s \[1/s\].
+    ///
+    /// For a sampled system the inputs are `amplitudes` z^k, and `s` is z. `None` where s is a pole.
     pub fn at(&self, s: Complex<f64>, amplitudes: &[Complex<f64>]) -> Option<Vec<Complex<f64>>> {
         let n = self.hessenberg.nrows();
         let zero = Complex::new(0.0, 0.0);

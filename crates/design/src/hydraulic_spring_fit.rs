@@ -7,67 +7,69 @@ use std::f64::consts::TAU;
 /// Frequencies at which responses are matched, over the natural frequency of the load on the oil.
 const FREQUENCIES: [f64; 8] = [0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.15, 1.3];
 
-/// Lowest and highest natural frequency that is guessed \[Hz\], and guesses; the fit's is near a guess within this factor.
+/// Lowest and highest natural frequency that is guessed \[Hz\], and guesses; the fit's is near a guess within this
+/// factor.
 const GUESSES: [f64; 2] = [0.05, 25.0];
 const GUESSED: u32 = 25;
 const NEAR: f64 = 1.5;
 
-/// A mass on an oil spring, in small changes of piston position x, velocity v, load pressure p and motor speed n:
+/// Mass on a hydraulic spring, linearised in piston position x, velocity v, load pressure p and motor speed n:
 /// `v' = a_x x + a_v v + a_p p`, `p' = c_x x + c_v v + c_p p + b n`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct HydraulicSpring {
-    /// a_x \[1/s²\].
+    /// Acceleration per position, a_x \[1/s²\].
     pub acceleration_by_position: f64,
-    /// a_v \[1/s\].
+    /// Acceleration per velocity, a_v \[1/s\].
     pub acceleration_by_velocity: f64,
-    /// a_p \[m/(s² Pa)\].
+    /// Acceleration per load pressure, a_p \[m/(s² Pa)\].
     pub acceleration_by_pressure: f64,
-    /// c_x \[Pa/(s m)\].
+    /// Pressure rate per position, c_x \[Pa/(s m)\].
     pub pressure_by_position: f64,
-    /// c_v \[Pa/m\].
+    /// Pressure rate per velocity, c_v \[Pa/m\].
     pub pressure_by_velocity: f64,
-    /// c_p \[1/s\].
+    /// Pressure rate per load pressure, c_p \[1/s\].
     pub pressure_by_pressure: f64,
-    /// b \[Pa/rev\].
+    /// Pressure rate per motor speed, b \[Pa/rev\].
     pub pressure_by_speed: f64,
 }
 
 impl HydraulicSpring {
-    /// Natural frequency of the mass on the oil \[rad/s\].
+    /// Natural angular frequency of the mass on the oil's spring \[rad/s\].
     pub fn natural_frequency(&self) -> f64 {
         (-self.acceleration_by_pressure * self.pressure_by_velocity).sqrt()
     }
 }
 
-/// The load on the cylinder's rod by a boom that bends: it is at x − γ p in the piston's travel.
+/// Load at the end of an elastic boom: in the piston's travel it is at x − γ p.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ElasticLoad {
-    /// Acceleration of the load by the load pressure, in the piston's travel \[m/(s² Pa)\].
+    /// Acceleration of the load per load pressure, a_p, in the piston's travel \[m/(s² Pa)\].
     pub acceleration_by_pressure: f64,
     /// Compliance of the boom, γ \[m/Pa\].
     pub compliance: f64,
 }
 
 impl ElasticLoad {
-    /// Natural frequency of the load on oil and boom \[rad/s\], springs in series: the squares of the periods add up.
+    /// Natural angular frequency of the load on oil and boom in series \[rad/s\]: the squares of their periods add
+    /// up.
     pub fn natural_frequency(&self, spring: &HydraulicSpring) -> f64 {
         let on_oil = -1.0 / (self.acceleration_by_pressure * spring.pressure_by_velocity);
         (on_oil + self.compliance / self.acceleration_by_pressure).powf(-0.5)
     }
 }
 
-/// Oil spring and load of a crane: least squares to the responses of its exact linearisation to the motor speed.
+/// Fits hydraulic spring and elastic load to a crane, by least squares over its exact frequency responses to the
+/// motor speed.
 ///
-/// `s v = a_x x + a_v v + a_p p` for the oil spring, in which the boom is rigid; with another a_p and `γ s² p` beside for the load. A boom without
-/// compliance by that is rigid.
+/// `s v = a_x x + a_v v + a_p p` holds for the hydraulic spring with a rigid boom; the elastic load has another a_p
+/// and a term `γ s² p`. A fitted γ that is not positive stands for a rigid boom.
 ///
-/// The frequencies belong to the natural frequency, which is only known afterwards: about a guess the fit
-/// has to have one that is near it. The first guess is the crane's load mode. Soft oil may overdamp it, and
-/// the slowest oscillation is then the boom's.
+/// The frequencies of the fit belong to the natural frequency, which is its result, so it starts from a guess. The
+/// first guess is the crane's load mode. If soft oil overdamps that mode, the oscillation found is the boom's.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when no mass on an oil spring answers as the crane does, or its responses cannot be computed.
+/// [`DesignError`] if no hydraulic spring fits the crane's responses, or they cannot be computed.
 pub fn hydraulic_spring(
     crane: &LinearisedPlant,
 ) -> Result<(HydraulicSpring, ElasticLoad), DesignError> {
@@ -162,8 +164,8 @@ mod tests {
     use super::*;
     use hydroboom_description::Description;
 
-    /// The piston stands still where the boom alone oscillates: the load does on the boom's compliance. Oil and boom are springs in series, whose squares of periods
-    /// add up to that of the linearised crane.
+    /// The piston stands still where the boom alone oscillates: the load does on the boom's compliance. Oil and boom
+    /// are springs in series, whose squares of periods add up to that of the linearised crane.
     #[test]
     fn oil_and_boom_are_springs_in_series() {
         let description = Description::uia_single_boom().unwrap();
@@ -190,7 +192,8 @@ mod tests {
         assert!((frequency / without - 1.0).abs() < 0.05, "{frequency} and {without} rad/s");
     }
 
-    /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike change nothing.
+    /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike
+    /// change nothing.
     #[test]
     fn bristles_that_slide_change_nothing() {
         let [one, other] = ["stribeck", "lugre"].map(|law| {

@@ -3,9 +3,11 @@
 //! ```text
 //! Description -> linear (the crane linearised, its modes and responses), frequency_response (by its Hessenberg form)
 //!             -> linearised_plant (as it is once the pump lifts)
-//!             -> hydraulic_spring_fit (a mass on a hydraulic spring, fitted to that) -> operating_points (over the stroke)
+//!             -> hydraulic_spring_fit (a mass on a hydraulic spring, fitted to that)
+//!             -> operating_points (over the stroke)
 //!             -> reduced_model_fit (over stroke and payload) -> scheduled_lqr (estimator and law)
-//!             -> unstable_poles (Nyquist criterion), margins (stability margins), benchmark_design (gains of the benchmark), design_report (both loops), stability (over the stroke)
+//!             -> unstable_poles (Nyquist criterion), margins (stability margins)
+//!             -> benchmark_design (gains of the benchmark), design_report (both loops), stability (over the stroke)
 //!             -> supervision (limits, monitors and the release of the load)
 //!             -> tip (estimator of the tip's position), tip_survey (its numbers, fitted to a survey)
 //! ```

@@ -4,16 +4,16 @@ use crate::DesignError;
 use nalgebra::{Complex, DMatrix, Schur};
 use serde::Serialize;
 
-/// One eigenvalue, or conjugate pair.
+/// Eigenvalue of the linearised crane, or conjugate pair of eigenvalues.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Mode {
     /// Real part \[1/s\].
     pub real: f64,
     /// Imaginary part \[rad/s\], not negative.
     pub imaginary: f64,
-    /// Frequency of the oscillation \[Hz\].
+    /// Frequency of the oscillation \[Hz\]; zero without oscillation.
     pub frequency_hz: f64,
-    /// Damping ratio; 1 for modes that decay without oscillating, 0 for those that stay.
+    /// Damping ratio \[1\]; 1 for modes that decay without oscillation, 0 for an eigenvalue at zero.
     pub damping_ratio: f64,
 }
 
@@ -21,7 +21,7 @@ pub struct Mode {
 ///
 /// # Errors
 ///
-/// [`DesignError::Eigenvalues`] when they cannot be computed.
+/// [`DesignError::Eigenvalues`] if they cannot be computed.
 pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, DesignError> {
     let mut modes: Vec<Mode> = eigenvalues(a)?
         .iter()
@@ -37,11 +37,11 @@ pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, DesignError> {
     Ok(modes)
 }
 
-/// Eigenvalues of a matrix whose states may differ in size by many orders of magnitude.
+/// Eigenvalues \[1/s\] of a matrix whose states may differ in magnitude by many orders.
 ///
 /// # Errors
 ///
-/// [`DesignError::Eigenvalues`] when the iteration does not converge.
+/// [`DesignError::Eigenvalues`] if the iteration does not converge.
 pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
     if a.iter().any(|entry| !entry.is_finite()) {
         return Err(DesignError::Eigenvalues("the matrix has entries that are not finite".into()));
@@ -92,20 +92,22 @@ pub(crate) fn balanced(a: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     (m, sizes)
 }
 
-/// Whether the load-holding valve of the piston side passes no more oil where the pump's pressure rises a little: no rate of the piston side's
-/// pressure depends on it.
+/// Whether the piston side's load-holding valve is in its dead band: its flow does not change with the pump's
+/// pressure.
+///
+/// `a` is the state matrix, `states` has the names of its rows.
 pub fn in_dead_band(a: &DMatrix<f64>, states: &[String]) -> bool {
     let place = |name: &str| states.iter().position(|state| state == name);
     let pair = place("pressure_a_pa").zip(place("pressure_pump_a_pa"));
     pair.is_some_and(|(cylinder, pump)| a[(cylinder, pump)] == 0.0)
 }
 
-/// Shape of the mode with the eigenvalue λ: amplitude of each state, as complex numbers scaled so that the
-/// state `unit` is one. By inverse iteration beside λ.
+/// Mode shape of an eigenvalue λ: complex amplitude of each state, scaled so that the state `unit` has amplitude one.
+/// By inverse iteration near λ.
 ///
 /// # Errors
 ///
-/// [`DesignError::Eigenvalues`] when the state `unit` takes no part or the iteration fails.
+/// [`DesignError::Eigenvalues`] if the state `unit` does not take part, or the iteration fails.
 pub fn mode_shape(
     a: &DMatrix<f64>,
     mode: &Mode,
@@ -134,7 +136,8 @@ pub fn mode_shape(
     }
 }
 
-/// Response of an output to the input at a frequency \[Hz\]: `C (jω − A)⁻¹ B`, for one row of C.
+/// Frequency response `C (jω − A)⁻¹ B` of one output at a frequency \[Hz\]; `c_row` is its row of C. `None` at a
+/// pole.
 pub fn response(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -144,7 +147,8 @@ pub fn response(
     transfer(a, b, c_row, Complex::new(0.0, std::f64::consts::TAU * frequency_hz))
 }
 
-/// `C (s − A)⁻¹ B`, for one row of C: response of an output to an input e^(s t), s in \[1/s\].
+/// `C (s − A)⁻¹ B`, for one row of C: response of an output to an input that rings and grows as e to the s t, s in
+/// \[1/s\].
 pub(crate) fn transfer(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,

@@ -1,6 +1,7 @@
-//! The crane linearised in motion, with the pump lifting. Coulomb friction, which at rest damps out every
-//! oscillation, is a constant. The load-holding valves, which are shut at rest, are open. The accumulator's
-//! pressure stands.
+//! Linearised plant: the crane at an operating point with the pump lifting.
+//!
+//! Coulomb friction, which at rest damps out every oscillation, is a constant. The load-holding valves, which are
+//! shut at rest, are open. The accumulator's pressure is constant.
 
 use crate::DesignError;
 use crate::frequency_response::FrequencyResponse;
@@ -19,38 +20,38 @@ const LOAD_MODE: [f64; 2] = [0.2, 25.0];
 /// Volume of the accumulator over its own, so that its pressure stands.
 const STANDING: f64 = 1e4;
 
-/// A crane at rest at a piston position, linearised.
+/// Linearised crane ẋ = A x + B u, at rest at a piston position.
 pub struct LinearisedPlant {
     /// Piston position \[m\].
     pub stroke: f64,
-    /// State matrix.
+    /// State matrix A, in SI units.
     pub a: DMatrix<f64>,
-    /// Input matrix: motor speed \[rev/s\].
+    /// Input matrix B of the motor speed \[rev/s\].
     pub b: DMatrix<f64>,
-    /// Rows of position, velocity and load pressure.
+    /// Rows of the output matrix C: position \[m\], velocity \[m/s\], load pressure \[Pa\].
     pub outputs: [Vec<f64>; 3],
     /// All modes, slowest first.
     pub modes: Vec<Mode>,
     response: FrequencyResponse,
 }
 
-/// Responses of position, velocity and load pressure to the motor's speed.
+/// Frequency responses of position, velocity and load pressure to the motor speed.
 #[derive(Clone, Copy, Debug)]
 pub struct Responses {
-    /// Of the position \[m s/rev\].
+    /// Response of the position \[m s/rev\].
     pub position: Complex<f64>,
-    /// Of the velocity.
+    /// Response of the velocity \[m/rev\].
     pub velocity: Complex<f64>,
-    /// Of the load pressure \[Pa s/rev\].
+    /// Response of the load pressure \[Pa s/rev\].
     pub pressure: Complex<f64>,
 }
 
 impl LinearisedPlant {
-    /// The crane of a description at a piston position \[m\].
+    /// Linearises the crane of a description at a piston position \[m\].
     ///
     /// # Errors
     ///
-    /// [`DesignError`] when the crane cannot rest there, or its modes cannot be computed.
+    /// [`DesignError`] if the crane cannot rest there, or its modes cannot be computed.
     pub fn new(description: &Description, stroke: f64) -> Result<Self, DesignError> {
         let mut sliding = description.clone();
         let n = &mut sliding.numbers;
@@ -58,7 +59,8 @@ impl LinearisedPlant {
         (n.holding_cracking, n.holding_opening) = (-2.0 * n.holding_opening, -n.holding_opening);
         // open valves leave no difference of pressure between pump and cylinder
         n.preload = 1.0;
-        // leakage fills the accumulator: about no state of rest, a linearisation would take its pressure's rise for growth of a pole
+        // leakage fills the accumulator: about no state of rest, a linearisation would take its pressure's rise for
+        // growth of a pole
         n.accumulator_volume *= STANDING;
         // bristles that slide are neither a spring nor a damper
         sliding.choices.friction = FrictionChoice::Stribeck;
@@ -90,13 +92,14 @@ impl LinearisedPlant {
         Ok(Self { stroke, a, b, outputs, modes, response })
     }
 
-    /// The mode in which boom and load oscillate on the oil. It is the slowest oscillation, provided that
-    /// its frequency is that of a mass on a hydraulic spring with the crane's response. Otherwise it is the
-    /// boom's own, above a load that soft oil damps.
+    /// Mode of boom and load on the oil's spring: the slowest oscillation, if its frequency is near that of the
+    /// fitted mass on a hydraulic spring.
+    ///
+    /// A slower mode is overdamped by soft oil; the slowest oscillation is then the boom's own.
     ///
     /// # Errors
     ///
-    /// [`DesignError::NoMode`] when there is none.
+    /// [`DesignError::NoMode`] if there is no such mode.
     pub fn load_mode(&self) -> Result<&Mode, DesignError> {
         let (spring, load) = hydraulic_spring(self)?;
         let natural = load.natural_frequency(&spring) / TAU;
@@ -112,12 +115,12 @@ impl LinearisedPlant {
         self.modes.iter().find(is_load_mode)
     }
 
-    /// Natural frequency \[Hz\] of boom and load on the oil: that of the load mode. If this is overdamped,
-    /// that of a mass on a hydraulic spring with the crane's response.
+    /// Natural frequency of boom and load on the oil \[Hz\]: that of the load mode, or of the fitted mass on a
+    /// hydraulic spring if that mode is overdamped.
     ///
     /// # Errors
     ///
-    /// As of [`hydraulic_spring`].
+    /// As [`hydraulic_spring`].
     pub fn load_frequency(&self) -> Result<f64, DesignError> {
         match self.load_mode() {
             Ok(mode) => Ok(mode.frequency_hz),
@@ -128,11 +131,11 @@ impl LinearisedPlant {
         }
     }
 
-    /// Responses at a frequency \[Hz\].
+    /// Frequency responses at a frequency \[Hz\].
     ///
     /// # Errors
     ///
-    /// [`DesignError::NoMode`] where they are not finite.
+    /// [`DesignError::NoMode`] if they are not finite.
     pub fn responses(&self, frequency: f64) -> Result<Responses, DesignError> {
         self.responses_at(Complex::new(0.0, TAU * frequency))
     }

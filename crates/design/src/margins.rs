@@ -1,4 +1,4 @@
-//! Stability margins of a loop.
+//! Stability margins of a control loop: gain, phase and modulus margin.
 
 use crate::small_signal_controller::SmallSignalController;
 use crate::unstable_poles::{about_resonances, growing_poles};
@@ -20,20 +20,19 @@ const HALVINGS: u32 = 30;
 /// Relative width at which a crossover or a least distance counts as found.
 const FOUND: f64 = 1e-9;
 
-/// Dynamics between a commanded motor speed and the measurements, without the crane: drive, fieldbus,
-/// sampling, position sensor.
+/// Dynamics of a control loop apart from crane and controller: drive, fieldbus, sampling and position sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuation {
-    /// Dead time of fieldbus and sampling \[s\].
+    /// Dead time of fieldbus, sampling and drive \[s\].
     pub delay: f64,
-    /// Time constant of the drive \[s\], and the square term of one of second order \[s²\].
+    /// Coefficients T_1 \[s\] and T_2 \[s²\] of the drive's lag 1/(T_2 s² + T_1 s + 1).
     pub drive: [f64; 2],
     /// Time constant of the position sensor \[s\].
     pub sensor_lag: f64,
 }
 
 impl Actuation {
-    /// That of a machine as its crane file has it; the sampling delays by half a period.
+    /// Dynamics of a machine by its crane file; sampling is half a control period of delay.
     pub fn of(machine: &Description) -> Self {
         let n = &machine.numbers;
         // a bandwidth of zero stands for none
@@ -53,36 +52,37 @@ impl Actuation {
     }
 }
 
-/// A loop, broken at the commanded motor speed.
+/// Control loop, opened at the commanded motor speed.
 #[derive(Clone, Debug)]
 pub enum Loop {
-    /// PI and pressure feedback.
+    /// Loop of the benchmark controller: PI and pressure feedback.
     Benchmark {
-        /// The controller.
+        /// Benchmark controller.
         controller: Benchmark<f64>,
-        /// Time constant of its high-pass \[s\].
+        /// Time constant of the pressure feedback's high-pass \[s\].
         high_pass: f64,
-        /// Its actuation and sensors.
+        /// Drive, fieldbus, sampling and sensors.
         actuation: Actuation,
     },
-    /// Scheduled LQR with its state estimator.
+    /// Loop of the scheduled LQR with its state estimator.
     ScheduledLqr {
-        /// The controller.
+        /// Scheduled LQR, linearised at an operating point.
         controller: Box<SmallSignalController>,
-        /// Its actuation and sensors.
+        /// Drive, fieldbus, sampling and sensors.
         actuation: Actuation,
     },
 }
 
 impl Loop {
-    /// The same controller, with drive, fieldbus and sensors as a machine has them.
+    /// Loop of the same controller with drive, fieldbus and sensors of a machine.
     pub fn on(mut self, machine: &Description) -> Self {
         let (Self::Benchmark { actuation, .. } | Self::ScheduledLqr { actuation, .. }) = &mut self;
         *actuation = Actuation::of(machine);
         self
     }
 
-    /// Poles of the controller that grow faster than a rate \[1/s\]; drive, sensors and the published controller, whose integrator lies at zero, have none.
+    /// Poles of the controller that grow faster than a rate \[1/s\]; drive, sensors and the published controller,
+    /// whose integrator lies at zero, have none.
     pub(crate) fn growing_poles(&self, growth: f64) -> Result<u32, DesignError> {
         match self {
             Self::Benchmark { .. } => Ok(0),
@@ -90,8 +90,8 @@ impl Loop {
         }
     }
 
-    /// Nyquist frequency \[Hz\]: half the sampling frequency of a sampled controller, infinite for a
-    /// continuous one.
+    /// Highest frequency at which it is a response of its own \[Hz\]: half the sampling frequency of a sampled
+    /// controller.
     pub(crate) fn highest_frequency(&self) -> f64 {
         match self {
             Self::Benchmark { .. } => f64::INFINITY,
@@ -99,7 +99,7 @@ impl Loop {
         }
     }
 
-    /// Loop gain at a frequency \[Hz\], with the sign that makes −1 the critical point.
+    /// Open-loop gain L(iω) \[1\] at a frequency \[Hz\]; the critical point is −1.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         self.gain_at(crane, Complex::new(0.0, TAU * frequency))
     }
@@ -123,26 +123,30 @@ impl Loop {
     }
 }
 
-/// Stability margins of a loop.
+/// Stability margins of a control loop. If the loop is unstable, only [`unstable_poles`](Self::unstable_poles) has a
+/// meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(into = "Shown")]
 pub struct Margins {
-    /// Gain margin: factor on the gain, upwards, at which the loop becomes unstable; infinite where none does.
+    /// Gain margin \[1\]: smallest factor above 1 on the loop gain at which the loop becomes unstable; infinite if
+    /// there is none.
     pub gain: f64,
-    /// Phase margin: least phase that is left where the loop's gain is one; infinite where it is nowhere one.
+    /// Phase margin \[deg\]: smallest distance of the phase from −180° at a loop gain of one; infinite without
+    /// crossover.
     pub phase_deg: f64,
-    /// Modulus margin: least distance of the loop from −1, below which every additive uncertainty of the loop has to stay.
+    /// Modulus margin \[1\]: smallest distance of L(iω) from −1, the reciprocal of the peak M_s of the sensitivity
+    /// function.
     pub modulus_margin: f64,
-    /// Frequency of that.
+    /// Frequency of the modulus margin \[Hz\].
     pub at_hz: f64,
-    /// Highest frequency at which the loop's gain is one; NaN where it is nowhere one.
+    /// Highest gain crossover frequency \[Hz\]; NaN if the loop gain is nowhere one.
     pub crossover_hz: f64,
-    /// Poles of the closed loop that grow faster than 0.02 1/s (they double within 35 s); where there are some, the margins above are none.
+    /// Number of poles of the closed loop that grow faster than 0.02 1/s, which doubles within 35 s.
     pub unstable_poles: u32,
 }
 
 impl Margins {
-    /// Whether no pole of the closed loop grows: an unstable loop has no margins.
+    /// Whether no pole of the closed loop grows.
     pub fn is_stable(&self) -> bool {
         self.unstable_poles == 0
     }
@@ -175,14 +179,26 @@ impl From<Margins> for Shown {
     }
 }
 
-/// Margins of a loop around a crane.
+/// Stability margins of a loop around a linearised crane.
 ///
-/// The frequencies are halved where the loop changes fast, beginning with a grid that has points of its own about each resonance of the crane, however lightly it is
-/// damped. Crossovers are found by bisection, least distances by golden-section search between the points.
+/// The frequency grid has points of its own at each resonance of the crane, and is refined where the loop gain
+/// changes fast. Crossovers are found by bisection, smallest distances by golden-section search.
+///
+/// ```
+/// use hydroboom_description::Description;
+/// use hydroboom_design::{LinearisedPlant, benchmark_loop, margins};
+///
+/// let description = Description::uia_single_boom()?;
+/// let crane = LinearisedPlant::new(&description, 0.25)?;
+/// // the paper's gains are stable around the paper's crane
+/// let found = margins(&crane, &benchmark_loop(&description))?;
+/// assert!(found.is_stable() && found.gain > 1.0 && found.phase_deg > 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane's responses are not finite.
+/// [`DesignError`] if the crane's responses are not finite.
 pub fn margins(crane: &LinearisedPlant, around: &Loop) -> Result<Margins, DesignError> {
     let at = |frequency: f64| {
         let gain = around.gain(&crane.responses(frequency)?, frequency);
@@ -296,7 +312,8 @@ fn crossover(
     Ok((to, at(to)?))
 }
 
-/// Place and value of the minimum of a function between two places, by golden-section search, to a tolerance of the place.
+/// Place and value of the minimum of a function between two places, by golden-section search, to a tolerance of the
+/// place.
 pub(crate) fn minimum<E>(
     mut of: impl FnMut(f64) -> Result<f64, E>,
     [mut low, mut high]: [f64; 2],
@@ -325,8 +342,8 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
 
-    /// ω²/(s² + 2 ζ ω s + ω²) of the motor's speed, integrated a number of times, as position and as
-    /// velocity, with no pressure.
+    /// ω²/(s² + 2 ζ ω s + ω²) of the motor's speed, integrated so many times, as position and as velocity, with no
+    /// pressure.
     fn resonant(omega: f64, zeta: f64, is_integrated: bool) -> LinearisedPlant {
         let order = if is_integrated { 3 } else { 2 };
         let mut a = DMatrix::zeros(order, order);
@@ -376,8 +393,8 @@ mod tests {
         }
     }
 
-    /// A loop whose gain is below one at all frequencies has no crossover: no phase margin, and as JSON null. Its distance
-    /// from −1 remains.
+    /// A loop whose gain is below one at all frequencies has no crossover: no phase margin, and as JSON null. Its
+    /// distance from −1 remains.
     #[test]
     fn a_loop_without_crossover_has_no_phase_margin() {
         let (zeta, k) = (0.5, 0.1);
@@ -397,7 +414,8 @@ mod tests {
         assert!(unstable["modulus_margin"].is_null() && unstable["at_hz"].is_null(), "{unstable}");
     }
 
-    /// K ω²/(s (s² + 2 ζ ω s + ω²)) crosses the negative axis at ω, by K/(2 ζ ω): the gain margin is that one's reciprocal, and beyond it the loop is unstable.
+    /// K ω²/(s (s² + 2 ζ ω s + ω²)) crosses the negative axis at ω, by K/(2 ζ ω): the gain margin is that one's
+    /// reciprocal, and beyond it the loop is unstable.
     #[test]
     fn the_gain_margin_at_a_lightly_damped_resonance_is_where_the_loop_becomes_unstable() {
         let (omega, zeta) = (TAU * 7.77, 1e-3);

@@ -1,13 +1,14 @@
 //! Observability of the estimator's states in the phases of a cycle.
 //!
-//! Over a phase of a motion the reduced model is linearised along its own path. With the states in units of their initial standard deviations and the measurements in units
-//! of their noise, the observability Gramian is
+//! Over a phase of a motion the reduced model is linearised along its own path. With the states in units of their
+//! initial standard deviations and the measurements in units of their noise, the observability Gramian is
 //!
 //! ```text
 //! W = Σ (H_k Φ_k)ᵀ (H_k Φ_k),    Φ_{k+1} = F_k Φ_k,  Φ_0 = 1
 //! ```
 //!
-//! A state whose standard deviation the phase alone brings down by a factor q has `((1 + W)⁻¹)_ii = 1/q²`; q = 1 says that the motion does not excite it.
+//! A state whose standard deviation the phase alone brings down by a factor q has `((1 + W)⁻¹)_ii = 1/q²`; q = 1 says
+//! that the motion does not excite it.
 //!
 //! Source: A. Krener, K. Ide, *Measures of unobservability*, 2009.
 
@@ -25,17 +26,17 @@ use serde::Serialize;
 /// Smoothing window of the reference \[s\].
 const WINDOW: f64 = 0.1;
 
-/// Observability in a phase.
+/// Observability of the estimator's states in a phase of a motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Phase {
-    /// Its name.
+    /// Name of the phase.
     pub name: &'static str,
-    /// Its beginning and end \[s\].
+    /// Start of the phase in the motion \[s\].
     pub begin_s: f64,
-    /// End \[s\].
+    /// End of the phase in the motion \[s\].
     pub end_s: f64,
-    /// Factor by which the phase alone reduces each state's standard deviation, in the order of
-    /// [`MachineState::NAMES`].
+    /// Ratio of each state's standard deviation before and after the measurements of this phase alone \[1\], in the
+    /// order of [`MachineState::NAMES`].
     pub reduction: [f64; STATES],
     /// Singular values of the scaled observability Gramian, the largest first.
     pub singular_values: [f64; STATES],
@@ -43,7 +44,7 @@ pub struct Phase {
 
 type Square = SMatrix<f64, STATES, STATES>;
 
-/// Observability in the phases of the motion at a speed \[m/s\].
+/// Observability in the phases of the out-and-back motion at a speed \[m/s\].
 ///
 /// # Errors
 ///
@@ -138,7 +139,8 @@ fn phase(
 mod tests {
     use super::*;
 
-    /// The oil's transition pressure shows where the pressure changes, and hardly at rest; position and pressure, which are measured, everywhere.
+    /// The oil's transition pressure shows where the pressure changes, and hardly at rest; position and pressure,
+    /// which are measured, everywhere.
     #[test]
     fn the_oil_is_observable_in_motion_only() {
         let description = Description::uia_single_boom().unwrap();

@@ -7,35 +7,35 @@ use hydroboom_math::Real;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
 
-/// Piston positions at which the crane is linearised.
+/// Number of piston positions at which the crane is linearised.
 pub const POINTS: usize = 17;
 /// Distance of the first and the last from the ends of the stroke \[m\].
 const MARGIN: f64 = 0.005;
 
-/// Equilibrium at a piston position.
+/// Equilibrium of the crane at a piston position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Equilibrium {
-    /// Load pressure, p_0 \[Pa\].
+    /// Load pressure at rest, p_0 \[Pa\].
     pub load_pressure: f64,
-    /// Its change along the stroke, p_0' \[Pa/m\].
+    /// Derivative of the load pressure by the piston position, p_0' \[Pa/m\].
     pub load_pressure_slope: f64,
-    /// Motor speed that makes up for leakage, n_0 \[rev/s\].
+    /// Motor speed that compensates leakage, n_0 \[rev/s\].
     pub holding_speed: f64,
 }
 
-/// Equilibrium and linearisation at a piston position.
+/// Equilibrium and linearisation of the crane at a piston position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OperatingPoint {
-    /// The equilibrium.
+    /// Equilibrium.
     pub equilibrium: Equilibrium,
-    /// Oil spring at the largest bulk modulus, without leakage.
+    /// Hydraulic spring with the oil's largest bulk modulus, without leakage.
     pub stiff: HydraulicSpring,
-    /// The load on the boom.
+    /// Load at the end of the elastic boom.
     pub load: ElasticLoad,
 }
 
 impl OperatingPoint {
-    /// The oil spring at a bulk modulus that is a share of the largest.
+    /// Hydraulic spring with a bulk modulus of `share` \[1\] of the largest one.
     pub fn spring(&self, share: f64) -> HydraulicSpring {
         HydraulicSpring {
             pressure_by_velocity: self.stiff.pressure_by_velocity * share,
@@ -85,26 +85,26 @@ impl OperatingPoint {
     }
 }
 
-/// Operating points over the stroke, with the oil between them.
+/// Operating points over the stroke, with the oil's parameters for interpolation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OperatingPoints {
-    /// At equal distances along the stroke.
+    /// Operating points at equal distances along the stroke.
     pub points: [OperatingPoint; POINTS],
     /// Largest and smallest bulk modulus \[Pa\].
     pub bulk_modulus: [f64; 2],
-    /// Transition pressure of the oil and its width \[Pa\].
+    /// Transition pressure p_c1 of the oil and the width p_c2 of the transition \[Pa\].
     pub transition: [f64; 2],
-    /// Pressure on the piston side beyond the load pressure \[Pa\].
+    /// Part of the piston-side pressure that balances the rod side, (A_r/A_p) p_B \[Pa\].
     pub rod_side_term: f64,
     stroke: f64,
 }
 
 impl OperatingPoints {
-    /// Those of the crane of a description.
+    /// Linearises the crane of a description over its stroke.
     ///
     /// # Errors
     ///
-    /// [`DesignError`] when the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
+    /// [`DesignError`] if the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
     pub fn new(description: &Description) -> Result<Self, DesignError> {
         let n = &description.numbers;
         let at =
@@ -140,7 +140,7 @@ impl OperatingPoints {
         Ok(all)
     }
 
-    /// Piston position \[m\] of a point.
+    /// Piston position \[m\] of the operating point with index `number`, from 0.
     pub fn position(&self, number: usize) -> f64 {
         MARGIN + number as f64 * self.spacing()
     }
@@ -149,7 +149,8 @@ impl OperatingPoints {
         (self.stroke - 2.0 * MARGIN) / (POINTS - 1) as f64
     }
 
-    /// The operating point at a piston position \[m\], between two of them.
+    /// Operating point at a piston position \[m\], by linear interpolation; constant beyond the first and the last
+    /// one.
     pub fn at(&self, position: f64) -> OperatingPoint {
         let last = (POINTS - 1) as f64;
         let place = Real::clamp((position - MARGIN) / self.spacing(), 0.0, last);
@@ -167,13 +168,14 @@ impl OperatingPoints {
         0.5 * (1.0 + lowest) + 0.5 * (1.0 - lowest) * step
     }
 
-    /// Bulk modulus over the largest at a load pressure \[Pa\].
+    /// Bulk modulus relative to the largest one \[1\] at a load pressure \[Pa\].
     pub fn stiffness(&self, load_pressure: f64) -> f64 {
         self.stiffness_at(load_pressure + self.rod_side_term)
     }
 }
 
-/// Part of the piston-side pressure that bears the rod side, (A_r/A_p) p_B \[Pa\], at the pressure that the accumulator keeps there.
+/// Part of the piston-side pressure that balances the rod side, (A_r/A_p) p_B \[Pa\], with the crane file's rod-side
+/// pressure.
 pub fn rod_side_term(description: &Description) -> f64 {
     description.cylinder().area_ratio() * description.numbers.rod_side
 }

@@ -22,15 +22,15 @@ struct Sample {
     compliance: f64,
 }
 
-/// The reduced model of the crane of a description.
+/// Fits the reduced model to the crane of a description.
 ///
-/// Oil, cylinder, pump and friction are the crane file's. Equivalent mass and boom compliance match the
-/// responses of the crane's exact linearisation at 17 positions and six payloads. They and the holding
-/// pressure become polynomials of the position, linear or quadratic in the payload.
+/// Oil, cylinder, pump and friction are the crane file's. Equivalent mass and boom compliance match the responses of
+/// the crane's exact linearisation at 17 positions and six payloads. They and the holding pressure become polynomials
+/// of the position, linear or quadratic in the payload.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
+/// [`DesignError`] if the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
 pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, DesignError> {
     let n = &description.numbers;
     let range = description.range("payload.mass_kg").map_or(n.payload, |range| range.high);
@@ -88,7 +88,8 @@ pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, Des
     })
 }
 
-/// Polynomials that sum up to a quantity, times powers of the payload, by least squares; `of` is its value and what counts as much as one.
+/// Polynomials that sum up to a quantity, times powers of the payload, by least squares; `of` is its value and what
+/// counts as much as one.
 fn fit<const POWERS: usize>(
     samples: &[Sample],
     of: impl Fn(&Sample) -> (f64, f64),

@@ -15,8 +15,29 @@ use hydroboom_description::Description;
 use hydroboom_math::Real;
 use std::f64::consts::TAU;
 
-/// The state estimator of the crane of a description, for measurements and commands that are delayed by a
-/// number of cycles each.
+/// State estimator for the crane of a description. `delay_cycles` is the delay of measurements, and of commands
+/// \[control periods\].
+///
+/// ```
+/// use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
+/// use hydroboom_description::Description;
+/// use hydroboom_design::{reduced_model_fit::reduced_model, scheduled_lqr::state_estimator};
+///
+/// let description = Description::uia_single_boom()?;
+/// let model = reduced_model(&description)?;
+/// let measured = EstimatorInput {
+///     position: 0.25,
+///     position_is_good: 1.0,
+///     load_pressure: model.at(0.25, 200.0).holding_pressure,
+///     load_pressure_is_good: 1.0,
+///     rod_side_term: 1.5e5,
+///     motor_speed: 0.0,
+/// };
+/// // the pressure of a load at rest shows its mass
+/// let state = state_estimator(&description, &model, 2).start(&measured);
+/// assert!((state.filter.estimate.payload - 200.0).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn state_estimator(
     description: &Description,
     model: &ReducedModel<f64>,
@@ -138,7 +159,7 @@ pub fn state_estimator(
     }
 }
 
-/// The law for the crane of a description.
+/// Scheduled LQR for the crane of a description, without its state estimator.
 pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> ScheduledLqr<f64> {
     let n = &description.numbers;
     let tuning = &n.tuning;
@@ -176,7 +197,26 @@ pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> Sc
     }
 }
 
-/// The controller of the crane of a description: estimator and law.
+/// Scheduled LQR with its state estimator for the crane of a description, with the crane file's fieldbus delay.
+///
+/// ```
+/// use hydroboom_control::measurement::{AxisSignals, Measurement};
+/// use hydroboom_description::Description;
+/// use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+/// use hydroboom_model::Scheme;
+/// use hydroboom_plant::plant;
+///
+/// let description = Description::uia_single_boom()?;
+/// let mut controller = scheduled_lqr_controller(&description)?;
+/// let rest = plant(&description, &description.start(0.25), Scheme::Implicit, 1e-3)?.outputs();
+/// let (stroke, pressure_a, pressure_b) = (rest.stroke, rest.pressure_a, rest.pressure_b);
+/// let signals = AxisSignals { stroke, pressure_a, pressure_b, ..AxisSignals::default() };
+/// controller.observe_held(&Measurement::new(1, 0.0, [signals]));
+/// // the held load is weighed within 2 kg by the first measurement
+/// let payload = controller.estimated().map(|estimated| estimated.filter.estimate.payload);
+/// assert!(payload.is_some_and(|mass| (mass - description.numbers.payload).abs() < 2.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 ///
@@ -188,13 +228,15 @@ pub fn scheduled_lqr_controller(
     Ok(ScheduledLqrController::new(estimator, law, description.cylinder().area_ratio()))
 }
 
-/// Delay of measurements and commands each \[cycles\], as the crane file says, or as a typical fieldbus has it.
+/// Fieldbus delay of measurements, and of commands \[control periods\], by the crane file, or that of a typical
+/// fieldbus.
 pub fn known_delay(description: &Description) -> u32 {
     let (equipped, _) = description.virtual_crane();
     equipped.numbers.fieldbus_delay.round() as u32
 }
 
-/// Estimator and law, for measurements and commands that are delayed by a number of cycles each.
+/// State estimator and scheduled LQR for the crane of a description. `delay_cycles` is the delay of measurements, and
+/// of commands \[control periods\].
 ///
 /// # Errors
 ///

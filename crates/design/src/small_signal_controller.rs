@@ -1,4 +1,4 @@
-//! Scheduled LQR with its estimator, linearised at rest: a linear sampled controller from readings to motor speed.
+//! Small-signal controller: scheduled LQR with its estimator, linearised at rest, from measurements to motor speed.
 //!
 //! The controller itself is called with small changes of each state and measurement about an operating
 //! point at which it has settled. The filter's covariance, the identified drive and the innovation test are
@@ -18,7 +18,7 @@ use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrState
 use hydroboom_control::reference::preview::Preview;
 use nalgebra::{Complex, DMatrix, DVector};
 
-/// Measurements: position \[m\], load pressure \[Pa\], motor speed \[rev/s\].
+/// Number of measurements: position \[m\], load pressure \[Pa\], motor speed \[rev/s\].
 pub const READINGS: usize = 3;
 /// Scale of each measurement.
 const READING_SIZES: [f64; READINGS] = [1e-4, 1e4, 1.0];
@@ -30,7 +30,7 @@ const SMALL: f64 = 1e-3;
 /// after 1 s a response is off by up to 5 %.
 const SETTLING: usize = 3000;
 
-/// The linearised controller.
+/// Scheduled LQR with its estimator, linearised at an operating point.
 #[derive(Clone, Debug)]
 pub struct SmallSignalController {
     a: DMatrix<f64>,
@@ -41,7 +41,8 @@ pub struct SmallSignalController {
 }
 
 impl SmallSignalController {
-    /// At rest at a piston position \[m\] with a payload \[kg\].
+    /// Linearises estimator and law, settled at rest at a piston position \[m\] with a payload \[kg\].
+    /// `rod_side_term` is (A_r/A_p) p_B \[Pa\].
     pub fn at_rest(
         estimator: &StateEstimator<f64>,
         law: &ScheduledLqr<f64>,
@@ -119,7 +120,8 @@ impl SmallSignalController {
         Ok(u32::try_from(growing).unwrap_or(u32::MAX))
     }
 
-    /// Commanded motor speed \[rev/s\] for readings that oscillate and grow as e to the s t, s in \[1/s\]; NaN where that is a pole.
+    /// Amplitude of the commanded motor speed \[rev/s\] for measurements with the complex amplitudes `readings` and
+    /// the time dependence e^(s t), s in \[1/s\]; NaN at a pole.
     pub fn frequency_response(
         &self,
         readings: [Complex<f64>; READINGS],
@@ -144,7 +146,8 @@ struct Settled<'a> {
 }
 
 impl Settled<'_> {
-    /// A period from a changed state with changed readings: the next state, and the command \[rev/s\], both as they differ from rest.
+    /// A period from a changed state with changed readings: the next state, and the command \[rev/s\], both as they
+    /// differ from rest.
     fn period(&self, change: &DVector<f64>, reading: [f64; READINGS]) -> (DVector<f64>, f64) {
         let order = change.len();
         let speed = self.rest.motor_speed;

@@ -1,4 +1,5 @@
-//! Stability of the control loops over the stroke, before anything moves: by the Nyquist criterion around the linearised crane.
+//! Stability of the control loops over the stroke, before anything moves: by the Nyquist criterion around the
+//! linearised crane.
 
 use crate::design_report::{benchmark_loop, scheduled_lqr_loop_at};
 use crate::scheduled_lqr::{designed, known_delay};
@@ -10,10 +11,10 @@ use hydroboom_math::Real;
 use serde::Serialize;
 use std::fmt;
 
-/// Piston positions at which margins are shown, as shares of the stroke.
+/// Piston positions for a table of margins, as shares of the stroke \[1\].
 pub const POSITIONS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
-/// Number of piston positions at which stability is judged, evenly from the first to the last of
+/// Number of piston positions at which stability is judged, equally spaced from the first to the last of
 /// [`POSITIONS`], which are among them.
 pub const JUDGED_POSITIONS: usize = 19;
 
@@ -24,15 +25,15 @@ fn judged_positions() -> impl Iterator<Item = f64> {
     (0..JUDGED_POSITIONS).map(move |k| first + k as f64 * spacing)
 }
 
-/// Drive, fieldbus and sensors that a loop is closed through.
+/// Drive, fieldbus and sensors of a control loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Equipment {
-    /// The drive's lag and the fieldbus's delay that the controllers expect before anything is identified: a machine like the model.
+    /// Drive lag and fieldbus delay that the controllers assume before identification.
     Expected,
-    /// None: the motor has its commanded speed, and measurements have no delay.
+    /// Ideal: no lag of the drive, no delay.
     Ideal,
-    /// Those of the plant's crane file.
+    /// Drive, fieldbus and sensors of the plant's crane file.
     Plant,
 }
 
@@ -46,22 +47,22 @@ impl fmt::Display for Equipment {
     }
 }
 
-/// Whether a controller's loop is stable at piston positions over the stroke.
+/// Stability of a controller's loop at piston positions over the stroke.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoopStability {
-    /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
+    /// Name of the loop: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
     pub controller: &'static str,
-    /// Equipment in the loop.
+    /// Drive, fieldbus and sensors of the loop.
     pub equipment: Equipment,
-    /// Whether no pole of the closed loop grows, so fast that it doubles within 35 s, at any of the positions.
+    /// Whether the closed loop has no growing pole at any of the positions. A growing pole doubles within 35 s.
     pub stable: bool,
-    /// Judged piston positions.
+    /// Judged piston positions \[mm\].
     pub judged_at_mm: Vec<f64>,
-    /// Those at which one does.
+    /// Piston positions with a growing pole \[mm\].
     pub unstable_at_mm: Vec<f64>,
-    /// Most growing poles of the closed loop at one position.
+    /// Largest number of growing poles of the closed loop at one position.
     pub unstable_poles: u32,
-    /// Most growing poles of crane and controller at such a position without feedback: feedback has not made those.
+    /// Largest number of growing poles of crane and controller without feedback at an unstable position.
     pub unstable_poles_in_open_loop: u32,
 }
 
@@ -96,13 +97,13 @@ impl LoopStability {
         runs.filter(|run| run.iter().all(is_unstable)).map(text).collect::<Vec<_>>().join(", ")
     }
 
-    /// Whether it is the benchmark's loop around a machine.
+    /// Whether it is the benchmark controller's loop around a machine.
     pub fn is_benchmark(&self) -> bool {
         self.controller == BENCHMARK
     }
 
-    /// Whether this is the loop of a strategy. The benchmark, the fallback of the scheduled LQR, is not its
-    /// loop.
+    /// Whether a strategy closes this loop. The benchmark loop, to which the scheduled LQR falls back, does not count
+    /// for the scheduled LQR.
     pub fn is_of(&self, strategy: Strategy) -> bool {
         closed_by(strategy).contains(&self.controller)
     }
@@ -151,12 +152,13 @@ impl fmt::Display for LoopStability {
     }
 }
 
-/// Stability of the benchmark's loop with gains of the model, around a machine, or around the model itself with the drive and fieldbus that
-/// the controllers expect.
+/// Stability of the benchmark controller with the model's gains, around a machine.
+///
+/// With `None` it is around the model, with the drive and fieldbus that the controllers assume.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised.
+/// [`DesignError`] if the crane cannot be linearised.
 pub fn benchmark_stability(
     model: &Description,
     machine: Option<&Description>,
@@ -176,12 +178,14 @@ fn equipment_of(machine: Option<&Description>) -> Equipment {
     }
 }
 
-/// The same of the scheduled LQR, designed for the model, with the machine's payload estimated, and its oil
-/// and drive identified.
+/// Stability of the scheduled LQR designed for the model, around a machine; payload, oil and drive of the machine
+/// count as identified.
+///
+/// With `None` it is around the model, with the drive and fieldbus that the controllers assume.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised, or the regulator not be designed.
+/// [`DesignError`] if the crane cannot be linearised, or the regulator cannot be designed.
 pub fn scheduled_lqr_stability(
     model: &Description,
     machine: Option<&Description>,
@@ -194,13 +198,14 @@ pub fn scheduled_lqr_stability(
     Ok(LoopStability::of((SCHEDULED_LQR, equipment_of(machine)), &poles))
 }
 
-/// Loops of the benchmark and of the scheduled LQR that are stable with the lags that the controllers
-/// expect, but not on an ideal plant without lags. A law that compensates a delay has too much phase lead
-/// without it. A crane file that is run without a plant has such a one.
+/// Loops that are stable with the assumed drive lag and fieldbus delay, but unstable on an ideal plant without them.
+///
+/// A law that compensates a delay has too much phase lead without it. A crane file that is run without a plant has an
+/// ideal one. `expected` has the loops with assumed lags.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised, or the regulator not be designed.
+/// [`DesignError`] if the crane cannot be linearised, or the regulator cannot be designed.
 pub fn unstable_on_ideal_equipment(
     model: &Description,
     expected: &[LoopStability],
@@ -215,11 +220,12 @@ pub fn unstable_on_ideal_equipment(
     Ok(loops)
 }
 
-/// Of loops that are unstable on an ideal plant, those that are stable with the lags that the controllers expect.
+/// Loops that are unstable on an ideal plant, but stable with the assumed drive lag and fieldbus delay. `ideal` has
+/// the loops on the ideal plant.
 ///
 /// # Errors
 ///
-/// As of [`unstable_on_ideal_equipment`].
+/// As [`unstable_on_ideal_equipment`].
 pub fn stable_with_expected_lags(
     model: &Description,
     ideal: &[LoopStability],
@@ -240,12 +246,12 @@ pub fn stable_with_expected_lags(
     Ok(loops)
 }
 
-/// Stability of all loops that strategies close: around the simulated crane, which has neither drive nor fieldbus, and around the machine. The
-/// scheduled LQR falls back on the benchmark.
+/// Stability of all loops of some strategies: around the simulated crane, which has neither drive nor fieldbus, and
+/// around the machine. The scheduled LQR includes the benchmark, to which it falls back.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when a crane cannot be linearised, or the regulator not be designed.
+/// [`DesignError`] if a crane cannot be linearised, or the regulator cannot be designed.
 pub fn stability_of(
     strategies: &[Strategy],
     model: &Description,
@@ -270,8 +276,8 @@ pub fn stability_of(
     Ok(loops)
 }
 
-/// Remark on loops that are [stable with the lags that the controllers expect](stable_with_expected_lags),
-/// and unstable without them.
+/// Remark on loops that are [stable with the assumed lags](stable_with_expected_lags) and unstable without them;
+/// `None` without such loops.
 pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = stable.iter().map(|of| of.controller).collect();
     (!names.is_empty()).then(|| {
@@ -284,7 +290,8 @@ pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
     })
 }
 
-/// The same the other way round, beside loops that are stable with these lags and [unstable on an ideal plant](unstable_on_ideal_equipment).
+/// Remark on loops that are stable with the assumed lags and [unstable on an ideal
+/// plant](unstable_on_ideal_equipment); `None` without such loops.
 pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = unstable.iter().map(|of| of.controller).collect();
     (!names.is_empty()).then(|| {
@@ -296,7 +303,8 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     })
 }
 
-/// Description known to a controller of a model after identification of a crane's oil and drive.
+/// Model with the oil's transition pressure and the drive lag of `crane`, as a controller identifies them, within the
+/// estimator's limits.
 pub fn with_identified(model: &Description, crane: &Description) -> Description {
     let mut known = model.clone();
     let n = &mut known.numbers;
@@ -351,8 +359,8 @@ mod tests {
         assert!(scheduled_lqr_stability(&light, None).unwrap().stable);
     }
 
-    /// The design assumes the lags of drive and fieldbus, and has too much phase lead without them: with a
-    /// payload at 9 m no margin remains for that. On the ideal plant the motor oscillates at 22 Hz.
+    /// The law counts on the lags of drive and fieldbus, and leads too much where there are none: a payload at 9 m
+    /// leaves it no margin for that. The run on the ideal plant swings its motor at 22 Hz.
     #[test]
     fn a_loop_is_judged_with_the_equipment_that_it_is_closed_through() {
         let paper = Description::uia_single_boom().unwrap();

@@ -47,16 +47,16 @@ const MISSED: f64 = 0.25;
 /// 0.25 to 0.5 %.
 const TRANSDUCER_ERROR: f64 = 5e-3;
 
-/// Cylinder forces of the load over the stroke and the ranges of a crane file.
+/// Load-carrying chamber and its gauge pressure at rest, over the stroke and the ranges of a crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadPressure {
     /// +1 where the piston side carries the load, −1 where the rod side does.
     pub direction: f64,
-    /// Smallest, nominal and largest pressure of that side \[Pa\].
+    /// Smallest gauge pressure of that side \[Pa\].
     pub least: f64,
-    /// As described, in the middle of the stroke.
+    /// Gauge pressure with the crane file's values in the middle of the stroke \[Pa\].
     pub nominal: f64,
-    /// Largest.
+    /// Largest gauge pressure of that side \[Pa\].
     pub most: f64,
 }
 
@@ -70,22 +70,22 @@ struct Derivation {
     load: LoadPressure,
 }
 
-/// Limits and monitors of a crane as described, for a course at a speed \[m/s\].
+/// Limits and monitors of a crane for a course with a largest piston speed \[m/s\].
 ///
-/// Typical equipment is used where the file omits drive, valve, sensors or fieldbus.
+/// Typical equipment stands in where the file leaves out drive, valve, sensors or fieldbus.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot rest, or has no load mode.
+/// [`DesignError`] if the crane cannot rest, or has no load mode.
 pub fn limits(model: &Description, speed: f64) -> Result<Limits, DesignError> {
     Ok(Derivation::of(model)?.limits(speed))
 }
 
-/// The benchmark controller within the frame, for courses up to the crane file's fast speed.
+/// Benchmark controller within the frame, for courses up to the crane file's fast speed.
 ///
 /// # Errors
 ///
-/// [`DesignError`] as [`limits`].
+/// As [`limits`].
 pub fn framed_benchmark(model: &Description) -> Result<FramedBenchmark<f64>, DesignError> {
     let n = &model.numbers;
     let cylinder = model.cylinder();
@@ -96,11 +96,11 @@ pub fn framed_benchmark(model: &Description) -> Result<FramedBenchmark<f64>, Des
     })
 }
 
-/// The benchmark controller with simulation feedforward within the frame.
+/// Benchmark controller with simulation feedforward within the frame, for courses up to the crane file's fast speed.
 ///
 /// # Errors
 ///
-/// [`DesignError`] as [`limits`].
+/// As [`limits`].
 pub fn framed_simulation_feedforward(
     model: &Description,
 ) -> Result<FramedSimulationFeedforward<f64>, DesignError> {
@@ -108,22 +108,22 @@ pub fn framed_simulation_feedforward(
     Ok(FramedSimulationFeedforward { frame, benchmark, area_ratio })
 }
 
-/// The scheduled LQR with its estimator within the frame, for measurements and commands that are late as the crane file says.
+/// Scheduled LQR and state estimator within the frame, with the crane file's fieldbus delay.
 ///
 /// # Errors
 ///
-/// [`DesignError`] as [`limits`], or without a reduced model.
+/// As [`limits`], and if there is no reduced model.
 pub fn framed_scheduled_lqr(model: &Description) -> Result<FramedScheduledLqr<f64>, DesignError> {
     let FramedBenchmark { frame, area_ratio, .. } = framed_benchmark(model)?;
     let (estimator, law) = designed(model, known_delay(model) as usize)?;
     Ok(FramedScheduledLqr { frame, estimator, law, area_ratio })
 }
 
-/// Cylinder forces of the load.
+/// Load pressure of the crane at rest, over its stroke and ranges.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot rest.
+/// [`DesignError`] if the crane cannot rest.
 pub fn load_pressure(model: &Description) -> Result<LoadPressure, DesignError> {
     let ranges = model.ranges();
     weigh(model, &ranges.low, &ranges.high)

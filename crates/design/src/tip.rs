@@ -4,8 +4,9 @@ use hydroboom_control::estimation::tip::{TipEstimator, TipModel, TipParameters};
 use hydroboom_description::Description;
 use hydroboom_description::schema::StructureChoice;
 
-/// The estimator of the crane of a description, with the numbers of its section `tip` and their spread.
-/// None for a boom of links, or if the cylinder's mount is not between bearing and tip.
+/// Estimator of the tip's position for the crane of a description, with parameters and spread of its section `tip`.
+///
+/// `None` for a boom of links, or if the cylinder's mount is not between bearing and tip.
 pub fn tip_estimator(description: &Description) -> Option<TipEstimator<f64>> {
     let n = &description.numbers;
     let is_beam = description.choices.structure == StructureChoice::Beam;
@@ -49,8 +50,8 @@ mod tests {
     use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
     use hydroboom_control::estimation::tip::TipMemory;
 
-    /// The payload's mean is initialised again by a load change, or by a value that is not a number. Its
-    /// difference from the present payload widens the bounds.
+    /// The payload's mean begins anew with a load change, and with what is no number; what it is off the present
+    /// payload widens the bounds.
     #[test]
     fn the_payload_of_the_tip_is_a_mean_since_the_last_load_change() {
         let description = Description::uia_single_boom().unwrap();

@@ -1,15 +1,14 @@
-//! Survey of a crane's tip, and the numbers of the tip's estimator fitted to it.
+//! Calibration of the tip estimator by a survey of the boom's tip.
 //!
-//! A survey is a CSV file, a line a pose at rest: measured piston position, weighed payload, tip as
-//! surveyed from the boom's bearing. Weighted least squares with the stated spread of the numbers as a
-//! prior:
+//! A survey is a CSV file, a line a pose at rest: piston position that is read, payload that was weighed, tip as
+//! surveyed from the boom's bearing. Weighted least squares with the stated spread of the numbers as a prior:
 //!
 //! ```text
 //! θ = argmin Σ (t_i − t(θ))²/(s_i² + r²) + (θ − θ_0)' P_0⁻¹ (θ − θ_0),   P = (P_0⁻¹ + J' R⁻¹ J)⁻¹
 //! ```
 //!
-//! with surveyed coordinates t of standard deviation s, and r of the model's error. Bending and base lower
-//! the tip nearly alike: a survey determines their sum well, and each alone hardly.
+//! with surveyed coordinates t of standard deviation s, and r what the model leaves out. Bending and base lower the
+//! tip nearly alike: a survey tells their sum well, and each hardly.
 //!
 //! Source: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 4.1 (least squares with a prior).
 
@@ -21,48 +20,49 @@ use nalgebra::{Matrix3, Vector3};
 use std::fmt::Write;
 use thiserror::Error;
 
-/// Columns of a survey.
+/// Columns of a survey, with their units.
 pub const COLUMNS: [&str; 5] = ["stroke_mm", "payload_kg", "tip_x_mm", "tip_y_mm", "deviation_mm"];
 /// Poses that a survey has at least.
 const FEWEST: usize = 4;
-/// Distance of a surveyed tip from that of a rigid boom, over the boom's length, beyond which it is no tip of this crane.
+/// Distance of a surveyed tip from that of a rigid boom, over the boom's length, beyond which it is no tip of this
+/// crane.
 const FARTHEST: f64 = 0.1;
 
-/// Why there is no survey, or no fit to it.
+/// Reason why a survey cannot be read or fitted.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SurveyError {
-    /// A line, or the whole, is wrong.
+    /// A line, or the whole file, is wrong.
     #[error("{place}: {reason}; {advice}")]
     Wrong {
-        /// File, and line where it is of one.
+        /// File, and line if it is a single one.
         place: String,
-        /// Value, and allowed values.
+        /// What was read.
         reason: String,
-        /// Advice.
+        /// What is allowed, or what to do.
         advice: String,
     },
-    /// A crane whose tip is not estimated.
+    /// The crane's tip cannot be estimated.
     #[error(
         "the tip of \"{0}\" is not estimated: its boom is no beam that the cylinder holds between bearing and tip"
     )]
     NoTip(String),
-    /// Equations without a solution.
+    /// The normal equations of this file's fit have no solution.
     #[error(
         "{0}: the numbers of the tip cannot be fitted; state a spread above zero for tip.bending_deviation_percent, tip.base_deviation_mrad_per_knm and tip.stroke_offset_deviation_mm"
     )]
     NoFit(String),
 }
 
-/// A pose.
+/// Surveyed pose of the boom at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurveyPoint {
-    /// Line of the file, from 1.
+    /// Line in the file, from 1.
     pub line: usize,
-    /// Piston position that is read \[m\].
+    /// Measured piston position \[m\].
     pub stroke: f64,
     /// Weighed payload \[kg\].
     pub payload: f64,
-    /// Tip, to the right of the bearing and above it \[m\].
+    /// Surveyed position of the tip, right of and above the bearing \[m\].
     pub tip: [f64; 2],
     /// Standard deviation of each of its coordinates \[m\].
     pub deviation: f64,
@@ -74,35 +74,35 @@ impl SurveyPoint {
     }
 }
 
-/// A survey.
+/// Survey of the boom's tip at several poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TipSurvey {
-    /// Name of its file.
+    /// Name of the file.
     pub file: String,
-    /// Its poses.
+    /// Surveyed poses.
     pub points: Vec<SurveyPoint>,
 }
 
-/// Numbers of the tip's estimator fitted to a survey.
+/// Parameters of the tip estimator fitted to a survey.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurveyFit {
-    /// The estimator with them.
+    /// Tip estimator with fitted parameters and their covariance.
     pub estimator: TipEstimator<f64>,
-    /// Part of their covariance due to the survey's noise alone.
+    /// Part of the parameters' covariance caused by the survey's noise alone.
     pub noise: Covariance<f64, PARAMETERS>,
-    /// RMS residual at the poses, across the boom \[m\].
+    /// RMS residual across the boom \[m\].
     pub residual: f64,
-    /// Line of the pose that fits worst, and how many of its standard deviations it is off.
+    /// Line of the pose with the largest residual, and this residual relative to its standard deviation \[1\].
     pub worst: (usize, f64),
 }
 
 impl TipSurvey {
-    /// Reads a survey of the crane of a description.
+    /// Parses and checks a survey of a crane. `file` is its name, for messages.
     ///
     /// # Errors
     ///
-    /// [`SurveyError::Wrong`] with file, line and column: a missing column, a value that is no number or
-    /// out of range, a tip of another crane. Also for too few poses, positions or loads.
+    /// [`SurveyError::Wrong`] with file, line and column: a missing column, a value that is no number or out of
+    /// range, a tip of another crane. Also for too few poses, positions or loads.
     pub fn parse(file: &str, text: &str, description: &Description) -> Result<Self, SurveyError> {
         let estimator = tip_of(description)?;
         let expected = format!("the columns are {}", COLUMNS.join(","));
@@ -190,7 +190,7 @@ impl TipSurvey {
         Ok(Self { file: file.into(), points })
     }
 
-    /// The survey as a file.
+    /// Survey as CSV text, as [`parse`](Self::parse) reads it.
     pub fn text(&self) -> String {
         let mut text = String::from(
             "# Survey of the boom's tip at rest: piston position that is read, payload, tip to the right of the boom's bearing\n\
@@ -205,11 +205,12 @@ impl TipSurvey {
         text + "\n"
     }
 
-    /// Fitted numbers of the tip's estimator of a crane. Those of the crane file are the prior.
+    /// Fits the parameters of the crane's tip estimator to the survey, with the crane file's parameters and spread as
+    /// a prior.
     ///
     /// # Errors
     ///
-    /// [`SurveyError`] for a crane whose tip is not estimated, or a spread of zero.
+    /// [`SurveyError`] if the crane's tip cannot be estimated, or a spread is zero.
     pub fn fit(&self, description: &Description) -> Result<SurveyFit, SurveyError> {
         let prior = tip_of(description)?;
         let no_fit = || SurveyError::NoFit(self.file.clone());
@@ -275,7 +276,8 @@ fn directions([x, y]: [f64; 2]) -> [[f64; 2]; 2] {
     [[x / length, y / length], [-y / length, x / length]]
 }
 
-/// Line of a pose, its residual across the boom \[m\], and the larger of those across and along it, over their standard deviations.
+/// Line of a pose, its residual across the boom \[m\], and the larger of those across and along it, over their
+/// standard deviations.
 fn left_at(estimator: &TipEstimator<f64>, point: &SurveyPoint) -> (usize, f64, f64) {
     let found = estimator.model.position(&estimator.parameters, &point.load());
     let off = [point.tip[0] - found[0], point.tip[1] - found[1]];
@@ -290,7 +292,7 @@ fn tip_of(description: &Description) -> Result<TipEstimator<f64>, SurveyError> {
 }
 
 impl SurveyFit {
-    /// Keys of the section `tip` with their values in SI units, as the crane file is to have them.
+    /// Keys of the crane file's section `tip` with the fitted values in SI units.
     pub fn keys(&self) -> [(&'static str, f64); 9] {
         let TipParameters { bending, base, stroke_offset } = self.estimator.parameters;
         let c = &self.estimator.covariance;

@@ -1,5 +1,5 @@
-//! State estimator of a valve-controlled crane: the flow is not known from a motor speed, so the flow into
-//! the piston side is an unknown input.
+//! State estimator of a valve-controlled crane: no motor speed tells the flow, so the flow into the piston side is an
+//! unknown input.
 //!
 //! The reduced model's statics, equivalent mass and boom compliance are those of boom and cylinder and do
 //! not depend on the circuit. They are fitted with the boom on the circuit of the paper's crane. The pump
@@ -16,18 +16,18 @@ use std::f64::consts::TAU;
 /// Oil of a revolution of the input that stands for the pump \[m³/rev\]: a revolution per second is a litre per second.
 const LITRE: f64 = 1e-3;
 
-/// Prior of an unknown flow, a random walk.
+/// Prior of an unknown flow into the piston side, modelled as a random walk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnknownFlowPrior {
-    /// Standard deviation at the start \[m³/s\]: flow through the fully open valve; the flow is limited to twice that.
+    /// Initial standard deviation \[m³/s\]: flow through the fully open valve. The estimate is limited to twice that.
     pub initial_deviation: f64,
-    /// Intensity of the random walk \[m³/s/√s\]: over the time constant of the spool, the flow through the fully open valve.
+    /// Intensity of the random walk \[m³/s/√s\]: flow through the fully open valve within the spool's time constant.
     pub random_walk: f64,
 }
 
-/// The state estimator of a valve-controlled crane, and the prior of its unknown flow.
+/// State estimator of a valve-controlled crane, and the prior of its unknown flow.
 ///
-/// The motor speed of its inputs is zero. Its unknown flow \[rev/s\] is a flow in litres per second.
+/// The motor speed of its inputs is zero. Its unknown flow has the unit \[rev/s\] and is a flow in \[L/s\].
 ///
 /// # Errors
 ///

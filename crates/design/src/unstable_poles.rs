@@ -1,12 +1,14 @@
-//! Growing poles of a closed loop, by the Nyquist criterion.
+//! Unstable poles of a closed loop, by the Nyquist criterion.
 
 use crate::{DesignError, LinearisedPlant, Loop};
 use nalgebra::Complex;
 use std::f64::consts::{PI, TAU};
 
-/// Growth rate below which a mode is not counted \[1/s\]: it doubles in 35 s, and grows by less than half in the paper's motion of 18 s.
+/// Growth rate below which a mode is not counted \[1/s\]: it doubles in 35 s, and grows by less than half in the
+/// paper's motion of 18 s.
 ///
-/// Integrators of position, of low pressures whose check valves are shut, and of the controller lie at zero, numerically up to 0.001 1/s.
+/// Integrators of position, of low pressures whose check valves are shut, and of the controller lie at zero,
+/// numerically up to 0.001 1/s.
 pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 
 /// Highest frequency of the contour \[Hz\], and initial number of points below it. At most half the
@@ -146,8 +148,9 @@ mod tests {
         assert!(error.contains("is no count of poles"), "{error}");
     }
 
-    /// Two oscillators at 1 and 2 Hz beside each other, of which feedback damps the first and drives the second: without it the first grows, with it the second.
-    /// Counted as closed loop less open loop they would make up for each other.
+    /// Two oscillators at 1 and 2 Hz beside each other, of which feedback damps the first and drives the second:
+    /// without it the first grows, with it the second. Counted as closed loop less open loop they would make up for
+    /// each other.
     #[test]
     fn a_mode_that_feedback_stabilises_does_not_make_up_for_one_that_it_destabilises() {
         let (first, second, damping) = (TAU, 2.0 * TAU, 0.2);

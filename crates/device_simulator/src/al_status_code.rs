@@ -1,19 +1,19 @@
-//! AL status codes: why a device did not enter a state, or left one.
+//! AL status codes: reasons why a device refused or left a state (ETG.1000.6).
 
 /// A code of register 0x0134, with the sentence that belongs to it.
 macro_rules! codes {
     ($($name:ident = $code:literal, $text:literal;)*) => {
-        /// Why a device did not enter a state, or left one (ETG.1000.6, table of AL status codes).
+        /// AL status code: reason why a device refused or left a state (ETG.1000.6, table of AL status codes).
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum AlStatusCode {
             $(#[doc = $text] $name = $code,)*
         }
 
         impl AlStatusCode {
-            /// All of them, by their codes.
+            /// All codes, in ascending order.
             pub const ALL: &[Self] = &[$(Self::$name),*];
 
-            /// What it says.
+            /// Reason as text, without a final stop.
             pub fn text(self) -> &'static str {
                 match self { $(Self::$name => $text,)* }
             }

@@ -1,21 +1,23 @@
-//! What a device does with its process data: the part behind the controller.
+//! Application of a device: its function behind the EtherCAT controller.
 
 use crate::al_status_code::AlStatusCode;
 use crate::mailbox::Emergency;
 use crate::object_dictionary::{Abort, Key, ObjectDictionary};
 
-/// The application of a device. Process data reach it as objects of its dictionary.
+/// Application of a device: its function behind the EtherCAT controller. Process data reach it as objects of its
+/// dictionary.
 pub trait Application {
-    /// Time goes on to `now` \[ns\].
+    /// Advances the application to the time `now` \[ns\].
     fn advance(&mut self, dictionary: &mut ObjectDictionary, now: u64);
 
-    /// Outputs have been taken over, in OP, at SYNC0 or as they came.
+    /// New output data are in the dictionary, in state OP, at SYNC0 or as they came. `now` is the time \[ns\].
     fn outputs(&mut self, dictionary: &mut ObjectDictionary, now: u64);
 
-    /// Inputs are about to be read, in SAFEOP and OP.
+    /// Puts input data into the dictionary before they are read, in states SAFEOP and OP. `now` is the time \[ns\].
     fn inputs(&mut self, dictionary: &mut ObjectDictionary, now: u64);
 
-    /// The device left OP: outputs are to be safe. The code says why, if by an error.
+    /// Puts outputs into their safe state, since the device left OP at `now` \[ns\]; `why` is the AL status code of
+    /// an error, else `None`.
     fn outputs_are_lost(
         &mut self,
         dictionary: &mut ObjectDictionary,
@@ -23,17 +25,17 @@ pub trait Application {
         why: Option<AlStatusCode>,
     );
 
-    /// The main device wrote an object by SDO.
+    /// Reacts to an object that the main device has written by SDO.
     ///
     /// # Errors
     ///
-    /// [`Abort`] where the value is refused; the object gets its old value back.
+    /// [`Abort`] if the value is refused; the object gets its old value back.
     fn written(&mut self, dictionary: &ObjectDictionary, key: Key) -> Result<(), Abort> {
         let _ = (dictionary, key);
         Ok(())
     }
 
-    /// An emergency that is to be sent, if there is one.
+    /// Next CoE emergency message to be sent; `None` if there is none.
     fn emergency(&mut self) -> Option<Emergency> {
         None
     }

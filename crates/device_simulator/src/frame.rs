@@ -1,8 +1,9 @@
-//! Datagrams of a frame: Ethernet header, EtherCAT header, then datagrams with a header of ten bytes, data and a working counter.
+//! Datagrams of a frame: Ethernet header, EtherCAT header, then datagrams with a header of ten bytes, data and a
+//! working counter.
 //!
 //! Source: IEC 61158-4-12, type 12 PDU structure.
 
-/// Ethertype of frames for EtherCAT.
+/// EtherType of EtherCAT frames.
 pub const ETHERTYPE: u16 = 0x88a4;
 /// Bytes of the Ethernet header.
 const ETHERNET: usize = 14;
@@ -13,22 +14,23 @@ const DATAGRAM: usize = 10;
 /// Bytes of a working counter.
 const WORKING_COUNTER: usize = 2;
 
-/// What a datagram asks of the devices that it passes.
+/// Command of a datagram, by addressing mode and direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// No operation.
+    /// No operation (NOP).
     Nop,
-    /// By position in the line (auto increment): read, write or both.
+    /// Auto-increment addressing by position: APRD, APWR, APRW.
     Position(Access),
-    /// By configured station address: read, write or both.
+    /// Configured station address: FPRD, FPWR, FPRW.
     Station(Access),
-    /// All devices: read (or-ed together), write or both.
+    /// Broadcast to all devices, reads are or-ed: BRD, BWR, BRW.
     Broadcast(Access),
-    /// By logical address, through FMMUs: read, write or both.
+    /// Logical address, through FMMUs: LRD, LWR, LRW.
     Logical(Access),
-    /// The device at a position reads, all others write what it read.
+    /// Auto-increment read, multiple write (ARMW): the device at the position reads, all others write what it read.
     PositionReadMultipleWrite,
-    /// The device with the station address reads, all others write what it read.
+    /// Configured read, multiple write (FRMW): the device with the station address reads, all others write what it
+    /// read.
     StationReadMultipleWrite,
 }
 
@@ -39,24 +41,24 @@ pub enum Access {
     Read,
     /// From the frame into the device.
     Write,
-    /// Both, in one passage.
+    /// Both directions, in one passage.
     ReadWrite,
 }
 
 impl Access {
-    /// Whether the device is read.
+    /// Whether data are read from the device.
     pub fn reads(self) -> bool {
         self != Self::Write
     }
 
-    /// Whether the device is written.
+    /// Whether data are written to the device.
     pub fn writes(self) -> bool {
         self != Self::Read
     }
 }
 
 impl Command {
-    /// Of the code in a datagram's header; one that is not defined is passed on untouched.
+    /// Command by its code in a datagram's header; undefined codes give [`Nop`](Self::Nop), which passes unchanged.
     pub fn of(code: u8) -> Self {
         use Access::{Read, ReadWrite, Write};
         match code {
@@ -79,49 +81,50 @@ impl Command {
     }
 }
 
-/// One datagram within a frame, open for change.
+/// Datagram within a frame, by mutable references.
 #[derive(Debug)]
 pub struct Datagram<'a> {
     /// Command of the datagram.
     pub command: Command,
-    /// Address: position or station, then physical memory; or both together a logical address.
+    /// Address field: position or station address, then memory address; or a logical address.
     pub address: &'a mut [u8; 4],
-    /// Its data.
+    /// Data of the datagram.
     pub data: &'a mut [u8],
-    /// Its working counter, little-endian.
+    /// Working counter, little-endian.
     pub working_counter: &'a mut [u8; 2],
 }
 
 impl Datagram<'_> {
-    /// Position or station address.
+    /// Position or station address, from the first half of the address field.
     pub fn device(&self) -> u16 {
         u16::from_le_bytes([self.address[0], self.address[1]])
     }
 
-    /// Address in the device's memory.
+    /// Address in the device's memory, from the second half of the address field.
     pub fn memory(&self) -> u16 {
         u16::from_le_bytes([self.address[2], self.address[3]])
     }
 
-    /// Logical address.
+    /// Logical address, from the whole address field.
     pub fn logical(&self) -> u32 {
         u32::from_le_bytes(*self.address)
     }
 
-    /// Counts the position on by one, as each device does.
+    /// Increments the position by one, as each device does.
     pub fn count_position(&mut self) {
         let next = self.device().wrapping_add(1).to_le_bytes();
         self.address[..2].copy_from_slice(&next);
     }
 
-    /// Adds to the working counter, which wraps.
+    /// Increments the working counter, modulo 2^16.
     pub fn count(&mut self, by: u16) {
         *self.working_counter =
             u16::from_le_bytes(*self.working_counter).wrapping_add(by).to_le_bytes();
     }
 }
 
-/// Calls a function on each datagram of an Ethernet frame, in order. False where it is no whole frame for EtherCAT; what was called until then stays.
+/// Calls `each` for every datagram of an Ethernet frame, in order. Returns false for an incomplete EtherCAT frame,
+/// after calls for the datagrams before the error.
 pub fn for_each_datagram(frame: &mut [u8], mut each: impl FnMut(Datagram<'_>)) -> bool {
     if frame.len() < ETHERNET + HEADER || frame[12..14] != ETHERTYPE.to_be_bytes() {
         return false;

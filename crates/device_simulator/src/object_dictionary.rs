@@ -2,89 +2,89 @@
 
 use std::collections::BTreeMap;
 
-/// Who may change an object.
+/// Access rights of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectAccess {
-    /// Only the device.
+    /// Read-only for the main device.
     ReadOnly,
-    /// The main device, in any state with a mailbox.
+    /// Writable by the main device, in any state with a mailbox.
     ReadWrite,
-    /// The main device, in PREOP only.
+    /// Writable by the main device, in PREOP only.
     ReadWriteInPreOp,
 }
 
-/// Whether and in which direction an object can be mapped into process data.
+/// Whether an object can be mapped into process data, and in which direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mapping {
-    /// Not at all.
+    /// Not mappable.
     None,
-    /// Into outputs (RxPDO).
+    /// Mappable into output data (RxPDO).
     Outputs,
-    /// Into inputs (TxPDO).
+    /// Mappable into input data (TxPDO).
     Inputs,
 }
 
-/// One object: its value in bytes, and what may be done with it.
+/// Object of a dictionary: value, access rights and mapping.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Object {
-    /// Its value, little-endian.
+    /// Value, little-endian.
     pub value: Vec<u8>,
-    /// Who may change it.
+    /// Access rights.
     pub access: ObjectAccess,
-    /// Whether it can be mapped.
+    /// Mapping into process data.
     pub mapping: Mapping,
 }
 
-/// Index and subindex.
+/// Key of an object: index and subindex.
 pub type Key = (u16, u8);
 
-/// What was asked of a dictionary and cannot be: an SDO abort code (ETG.1000.6, table of abort codes).
+/// SDO abort code: reason why an access to an object is refused (ETG.1000.6, table of abort codes).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Abort {
-    /// The toggle bit does not alternate.
+    /// Toggle bit not alternated.
     Toggle = 0x0503_0000,
     /// Unknown command.
     UnknownCommand = 0x0504_0001,
     /// Out of memory: the value does not fit the mailbox.
     OutOfMemory = 0x0504_0005,
-    /// The access is not supported.
+    /// Unsupported access to an object.
     UnsupportedAccess = 0x0601_0000,
-    /// A write to what can only be read.
+    /// Write access to a read-only object.
     ReadOnly = 0x0601_0002,
-    /// There is no such object.
+    /// No object with this index.
     NoObject = 0x0602_0000,
-    /// The object cannot be mapped.
+    /// Object cannot be mapped into process data.
     NotMappable = 0x0604_0041,
-    /// The mapped objects are longer than process data may be.
+    /// Mapped objects exceed the length of the process data.
     MappedTooLong = 0x0604_0042,
-    /// Longer than the object.
+    /// Value longer than the object.
     TooLong = 0x0607_0012,
-    /// Shorter than the object.
+    /// Value shorter than the object.
     TooShort = 0x0607_0013,
-    /// There is no such subindex.
+    /// No object with this subindex.
     NoSubindex = 0x0609_0011,
-    /// The value is out of range.
+    /// Value out of range.
     ValueRange = 0x0609_0030,
-    /// Not in this state.
+    /// Access not possible in the present state.
     WrongState = 0x0800_0022,
 }
 
-/// Objects, in their order.
+/// Object dictionary of a device, in the order of the keys.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ObjectDictionary(BTreeMap<Key, Object>);
 
 impl ObjectDictionary {
-    /// Adds an object, or puts it in place of one.
+    /// Adds an object, or replaces the one with this key.
     pub fn add(&mut self, key: Key, value: &[u8], access: ObjectAccess, mapping: Mapping) {
         self.0.insert(key, Object { value: value.to_vec(), access, mapping });
     }
 
-    /// The object of a key.
+    /// Object with this key.
     ///
     /// # Errors
     ///
-    /// [`Abort::NoObject`], or [`Abort::NoSubindex`] where the index has others.
+    /// [`Abort::NoObject`], or [`Abort::NoSubindex`] if the index has other subindices.
     pub fn object(&self, key: Key) -> Result<&Object, Abort> {
         let absent = || match self.0.range((key.0, 0)..=(key.0, u8::MAX)).next() {
             Some(_) => Abort::NoSubindex,
@@ -93,7 +93,7 @@ impl ObjectDictionary {
         self.0.get(&key).ok_or_else(absent)
     }
 
-    /// Sets a value of the same length, as the device does; what does not fit is cut off or filled with zeros.
+    /// Sets the value of an object as the device; a longer value is cut off, a shorter one filled with zeros.
     pub fn set(&mut self, key: Key, value: &[u8]) {
         if let Some(object) = self.0.get_mut(&key) {
             let mut bytes = value.iter().copied();
@@ -101,11 +101,11 @@ impl ObjectDictionary {
         }
     }
 
-    /// Writes for the main device.
+    /// Writes the value of an object as the main device; `is_preop` says whether the device is in PREOP.
     ///
     /// # Errors
     ///
-    /// [`Abort`] where it may not be written, or the length differs.
+    /// [`Abort`] if the object may not be written, or the length differs.
     pub fn write(&mut self, key: Key, value: &[u8], is_preop: bool) -> Result<(), Abort> {
         let object = self.object(key)?;
         match object.access {
@@ -122,7 +122,7 @@ impl ObjectDictionary {
         Ok(())
     }
 
-    /// Value as a number without a sign; zero where there is none.
+    /// Value of an object as an unsigned number; zero if there is no such object.
     pub fn unsigned(&self, key: Key) -> u64 {
         let Some(object) = self.0.get(&key) else { return 0 };
         object
@@ -133,7 +133,7 @@ impl ObjectDictionary {
             .fold(0, |sum, byte| sum << 8 | u64::from(*byte))
     }
 
-    /// Value as a number with a sign; zero where there is none.
+    /// Value of an object as a signed number; zero if there is no such object.
     pub fn signed(&self, key: Key) -> i64 {
         let bits = self.0.get(&key).map_or(0, |object| 8 * object.value.len().min(8) as u32);
         if bits == 0 {
@@ -142,16 +142,17 @@ impl ObjectDictionary {
         (self.unsigned(key) << (64 - bits)) as i64 >> (64 - bits)
     }
 
-    /// Sets a number; higher bytes than the object has are cut off.
+    /// Sets the value of an object to a number; bytes beyond its length are cut off.
     pub fn set_number(&mut self, key: Key, value: i64) {
         self.set(key, &value.to_le_bytes());
     }
 
-    /// Process data that an assignment (0x1C12 or 0x1C13) maps, in order; an entry of index 0 is a gap.
+    /// Process data mapped by an assignment (0x1C12 or 0x1C13), in their order; an entry with index 0 is a gap.
     ///
     /// # Errors
     ///
-    /// [`Abort`] where an object is not there or cannot be mapped in that direction, or an entry has another length than its object.
+    /// [`Abort`] if an object does not exist or cannot be mapped in that direction, or an entry has another length
+    /// than its object.
     pub fn mapped(&self, assignment: u16) -> Result<Vec<MappedEntry>, Abort> {
         let wanted = if assignment == 0x1c12 { Mapping::Outputs } else { Mapping::Inputs };
         let mut entries = Vec::new();
@@ -175,21 +176,21 @@ impl ObjectDictionary {
     }
 }
 
-/// A mapped object and its length; index 0 is a gap.
+/// Mapped object with its length; index 0 is a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MappedEntry {
-    /// Index and subindex.
+    /// Key of the object: index and subindex.
     pub key: Key,
-    /// Length in bits.
+    /// Length \[bit\].
     pub bits: usize,
 }
 
-/// Bytes of process data.
+/// Length of process data with these entries \[byte\].
 pub fn mapped_bytes(entries: &[MappedEntry]) -> usize {
     entries.iter().map(|entry| entry.bits).sum::<usize>().div_ceil(8)
 }
 
-/// Takes values out of outputs into the dictionary.
+/// Copies values from output data into the dictionary.
 pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary) {
     let mut first = 0;
     for entry in entries {
@@ -202,7 +203,7 @@ pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary
     }
 }
 
-/// Packs values of the dictionary into inputs.
+/// Copies values from the dictionary into input data.
 pub fn pack(entries: &[MappedEntry], from: &ObjectDictionary, bytes: &mut [u8]) {
     bytes.fill(0);
     let mut first = 0;

@@ -3,7 +3,7 @@
 use crate::device::Device;
 use crate::frame::for_each_datagram;
 
-/// Devices in a line, the first next to the main device.
+/// EtherCAT segment: devices in a line, the first next to the main device.
 #[derive(Debug, Default)]
 pub struct Segment {
     devices: Vec<Device>,
@@ -19,7 +19,7 @@ pub struct Segment {
 pub const TYPICAL_DELAY: u64 = 550;
 
 impl Segment {
-    /// A line of devices, each a typical delay behind the one before.
+    /// Line of devices with typical delays.
     pub fn new(devices: Vec<Device>) -> Self {
         let mut segment = Self {
             delays: vec![TYPICAL_DELAY; devices.len()],
@@ -31,29 +31,29 @@ impl Segment {
         segment
     }
 
-    /// With delays \[ns\], one for the way to each device.
+    /// Sets the propagation delay to each device from the one before \[ns\].
     pub fn with_delays(mut self, delays: &[u64]) -> Self {
         self.delays.iter_mut().zip(delays).for_each(|(to, from)| *to = *from);
         self
     }
 
-    /// The devices, first to last.
+    /// Devices, from the first to the last.
     pub fn devices(&self) -> &[Device] {
         &self.devices
     }
 
-    /// The devices, to inject faults.
+    /// Devices, mutable to inject faults.
     pub fn devices_mut(&mut self) -> &mut [Device] {
         &mut self.devices
     }
 
-    /// Breaks the cable behind a number of devices, or mends it with the number of all.
+    /// Sets the number of connected devices: breaks the cable behind them, or mends it with the number of all.
     pub fn connect(&mut self, devices: usize) {
         self.connected = devices.min(self.devices.len());
         self.set_links();
     }
 
-    /// Loses the next frames on their way back.
+    /// Loses the next `count` frames on their way back.
     pub fn lose_frames(&mut self, count: u32) {
         self.lost = count;
     }
@@ -65,12 +65,13 @@ impl Segment {
         }
     }
 
-    /// Lets time go on to `now` \[ns\] without a frame.
+    /// Advances all devices to the time `now` \[ns\], without a frame.
     pub fn advance(&mut self, now: u64) {
         self.devices.iter_mut().for_each(|device| device.advance(now));
     }
 
-    /// Passes a frame through the devices at a time \[ns\], and back. False where nothing comes back: no whole frame for EtherCAT, no device, or a frame lost.
+    /// Passes a frame through the devices and back, from the time `now` \[ns\]. Returns false if nothing comes back:
+    /// an incomplete EtherCAT frame, no device, or a lost frame.
     pub fn process(&mut self, frame: &mut [u8], now: u64) -> bool {
         let connected = &mut self.devices[..self.connected];
         let arrivals: Vec<u64> = self

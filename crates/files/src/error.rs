@@ -24,7 +24,7 @@ pub enum FileError {
     TooLong {
         /// Path, as given by the user.
         path: PathBuf,
-        /// Kind of the file.
+        /// Kind of the file, as named in messages.
         what: &'static str,
         /// Largest allowed size \[kB\].
         limit_kb: u64,
@@ -36,7 +36,7 @@ pub enum FileError {
     NotText {
         /// Path, as given by the user.
         path: PathBuf,
-        /// Offset of the first invalid byte.
+        /// Offset of the first invalid byte \[byte\].
         at: usize,
     },
     /// The operating system refuses to write the file.

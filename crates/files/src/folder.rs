@@ -18,7 +18,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Creates the temporary folder; the final one must not exist.
+    /// Creates the temporary folder beside `at`; `at` itself must not exist.
     ///
     /// # Errors
     ///

@@ -38,7 +38,7 @@ pub(crate) fn refuse_input(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Reads a file of at most `limit` bytes and registers it as an input. `what` names the kind of the file in error
+/// Reads a file of at most `limit` \[byte\] and registers it as an input. `what` names the kind of the file in error
 /// messages.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ fn bounded(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>, FileE
     }
 }
 
-/// Reads a text file of at most `limit` bytes; see [`bytes`].
+/// Reads a UTF-8 text file of at most `limit` \[byte\]; otherwise as [`bytes`].
 ///
 /// # Errors
 ///

@@ -29,7 +29,7 @@ enum Kind {
 }
 
 impl Output {
-    /// Opens an output.
+    /// Opens an output: a temporary file beside `path`, or `path` itself if it is a device or pipe.
     ///
     /// # Errors
     ///
@@ -110,7 +110,7 @@ impl Write for Output {
     }
 }
 
-/// Writes a file atomically.
+/// Writes `content` to a file atomically: the file has the old or the whole new content.
 ///
 /// # Errors
 ///

@@ -18,9 +18,9 @@
 use crate::signal::{COMMANDED, MEASURED, MachineState, Validity, ValveState};
 use thiserror::Error;
 
-/// First four bytes.
+/// First four bytes of every datagram.
 pub const MAGIC: [u8; 4] = *b"HYDM";
-/// Version of the interface.
+/// Version of the interface, in every header.
 pub const VERSION: u16 = 1;
 /// Longest datagram: what an Ethernet frame carries over IPv4 and UDP \[byte\].
 pub const LONGEST: usize = 1472;
@@ -28,7 +28,7 @@ pub const LONGEST: usize = 1472;
 const HEADER: usize = 48;
 /// Bytes of the check sum.
 const CHECK_SUM: usize = 4;
-/// Most axes: eight fit into a datagram.
+/// Largest number of axes: eight fit into a datagram.
 pub const MOST_AXES: usize = 8;
 /// Bytes of a measurement before its axes: sampling time, state, zero, fault code, zero.
 const MEASUREMENT_HEAD: usize = 16;
@@ -43,20 +43,20 @@ const HELLO_HEAD: usize = 16;
 /// Bytes of an axis in a hello: lowest and highest of each measured signal.
 const HELLO_AXIS: usize = 16 * MEASURED.len();
 
-/// Header before the body.
+/// Header of a datagram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Header {
-    /// Session: 64 random bits that the controller has chosen.
+    /// Session number: 64 random bits chosen by the controller; 0 before a session.
     pub session: u64,
-    /// Sequence number, one more with each datagram of a sender; 0 in a hello.
+    /// Sequence number, which increases by one with each datagram of a sender; 0 in a hello.
     pub sequence: u64,
-    /// Last sequence number that was accepted of the peer; 0 before the first.
+    /// Last accepted sequence number of the peer; 0 before the first.
     pub received: u64,
-    /// Sender's clock \[ns\].
+    /// Time of the sender's clock \[ns\].
     pub clock: u64,
 }
 
-/// Who a peer is.
+/// Kind of the sender of a hello.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Peer {
@@ -85,37 +85,38 @@ impl Peer {
     }
 }
 
-/// A hello: the machine requests a session with one of session 0, and the controller begins it with its
-/// own.
+/// Hello: a machine asks for a session with a hello of session 0; the controller starts it with a hello of its
+/// session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hello {
-    /// Who sends it.
+    /// Kind of the sender.
     pub peer: Peer,
     /// Control period \[ns\].
     pub period: u32,
-    /// Newest version that the sender speaks.
+    /// Newest version of the interface that the sender supports.
     pub newest_version: u16,
-    /// Axes.
+    /// Number of axes, 1 to [`MOST_AXES`].
     pub axes: usize,
-    /// Lowest and highest value of each measured signal, in SI units; unknown values are not finite.
+    /// Lowest and highest value of each measured signal of each axis, in SI units, speeds in rev/s; not finite where
+    /// unknown.
     pub ranges: [[[f64; 2]; MEASURED.len()]; MOST_AXES],
 }
 
-/// Measurement of an axis.
+/// Measurement of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeasuredAxis {
     /// The signals, in the order of [`MEASURED`], in SI units, speeds in rev/s.
     pub signals: [f64; MEASURED.len()],
-    /// Whether each may be used.
+    /// Validity of each signal.
     pub validity: [Validity; MEASURED.len()],
     /// State of the load-holding valve.
     pub valve: ValveState,
 }
 
-/// Command to an axis.
+/// Command for one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommandedAxis {
-    /// Motor speed \[rev/s\].
+    /// Commanded motor speed \[rev/s\].
     pub motor_speed: f64,
     /// Load-holding valve: 1 energised (load released), 0 not (load held).
     pub holding_valve: f64,
@@ -124,60 +125,60 @@ pub struct CommandedAxis {
 /// A measurement of all axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
-    /// Time of sampling, by the machine's clock \[ns\].
+    /// Sampling time by the machine's clock \[ns\].
     pub sampled: u64,
     /// State of the machine.
     pub state: MachineState,
-    /// Code of its fault; 0 where there is none.
+    /// Code of the machine's fault; 0 without a fault.
     pub fault: u16,
-    /// Axes that count.
+    /// Number of valid entries in [`axes`](Self::axes).
     pub count: usize,
-    /// Each axis.
+    /// Measurement of each axis.
     pub axes: [MeasuredAxis; MOST_AXES],
 }
 
-/// A command to all axes.
+/// Command for all axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Command {
-    /// Whether drives are to follow; else they are without torque.
+    /// Whether the drives are enabled; else they are without torque.
     pub is_enabled: bool,
-    /// Axes that count.
+    /// Number of valid entries in [`axes`](Self::axes).
     pub count: usize,
-    /// Each axis.
+    /// Command for each axis.
     pub axes: [CommandedAxis; MOST_AXES],
 }
 
-/// A body.
+/// Body of a datagram, by its kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "no allocation in the control period")]
 pub enum Body {
-    /// Begins a session.
+    /// Hello, which starts a session.
     Hello(Hello),
-    /// A measurement.
+    /// Measurement, from a machine.
     Measurement(Measurement),
-    /// A command.
+    /// Command, from a controller.
     Command(Command),
 }
 
-/// Why a datagram is dropped.
+/// Reason why a datagram is dropped.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum Dropped {
-    /// It does not begin as ours do.
+    /// It does not start with [`MAGIC`].
     #[error("no datagram of this interface")]
     Magic,
-    /// Of another version.
+    /// Its version, in the variant, is not supported.
     #[error("version {0}; {VERSION} is spoken here")]
     Version(u16),
-    /// Its length is not what it states, or not that of its kind.
+    /// Its length differs from the stated one, or from that of its kind.
     #[error("its length is not that of its kind")]
     Length,
-    /// The check sum differs.
+    /// Its check sum differs.
     #[error("its check sum differs")]
     CheckSum,
-    /// A kind, state or validity that is not defined.
+    /// It has an undefined kind, state or validity.
     #[error("a number in it is not defined")]
     Undefined,
-    /// A signal that is good, or a command, is no finite number.
+    /// A valid signal, or a command, is not finite.
     #[error("a signal in it is not finite")]
     NotFinite,
 }
@@ -202,7 +203,7 @@ impl Writer<'_> {
     }
 }
 
-/// Writes a datagram; its length. Nothing is allocated.
+/// Encodes a datagram into a buffer and returns its length \[byte\]. Nothing is allocated.
 pub fn encode(header: &Header, body: &Body, into: &mut [u8; LONGEST]) -> usize {
     let (kind, axes, body_length) = match body {
         Body::Hello(hello) => (HELLO, hello.axes, HELLO_HEAD + HELLO_AXIS * hello.axes),
@@ -289,7 +290,7 @@ impl Reader<'_> {
     }
 }
 
-/// Reads a datagram. Nothing is allocated.
+/// Decodes a datagram. Nothing is allocated.
 ///
 /// # Errors
 ///

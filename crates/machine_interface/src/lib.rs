@@ -1,7 +1,7 @@
 //! Local interface of a machine: one datagram each way and control period, over UDP on the loopback address.
 //!
-//! The normative text is `docs/reference/machine-interface.md`. Here are the [datagrams](datagram) and the rules by which a [session] accepts them;
-//! sockets, clocks and watchdogs belong to those who use them.
+//! The normative text is `docs/reference/machine-interface.md`. Here are the [datagrams](datagram) and the rules by
+//! which a [session] accepts them; sockets, clocks and watchdogs belong to those who use them.
 //!
 //! ```
 //! use hydroboom_machine_interface::datagram::{Body, Command, CommandedAxis, LONGEST, encode};

@@ -1,66 +1,67 @@
-//! A session: which datagrams of the peer are accepted, and why others are dropped.
+//! Session with a peer: acceptance of its datagrams by session, sequence number and check sum.
 
 use crate::datagram::{Body, Dropped, Header, decode};
 use std::time::Duration;
 
-/// Time without an accepted command after which a machine stops its motor and shuts its load-holding valve by itself.
+/// Watchdog time of a machine: without an accepted command for longer it stops its motor and shuts its load-holding
+/// valve.
 pub const WATCHDOG: Duration = Duration::from_millis(20);
 
-/// Counts of datagrams by their fate.
+/// Number of received datagrams, by whether and why they were dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Accepted.
+    /// Accepted datagrams.
     pub accepted: u64,
-    /// Of another interface or version, of a wrong length, or with undefined numbers.
+    /// Datagrams with a wrong magic, version or length, or with undefined numbers.
     pub malformed: u64,
-    /// With a wrong check sum.
+    /// Datagrams with a wrong check sum.
     pub check_sum: u64,
-    /// Of another session.
+    /// Datagrams of another session.
     pub session: u64,
-    /// Old or repeated.
+    /// Datagrams with an old or repeated sequence number.
     pub sequence: u64,
-    /// With a number that is not finite.
+    /// Datagrams with a number that is not finite.
     pub not_finite: u64,
-    /// Sequence numbers that never arrived: lost datagrams.
+    /// Lost datagrams: skipped sequence numbers.
     pub lost: u64,
 }
 
 impl Counters {
-    /// All that were dropped.
+    /// Sum of all dropped datagrams.
     pub fn dropped(&self) -> u64 {
         self.malformed + self.check_sum + self.session + self.sequence + self.not_finite
     }
 }
 
-/// Acceptance of datagrams within a session.
+/// Session with a peer: accepts its datagrams in order, and numbers the own ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Session {
     number: u64,
     sent: u64,
     received: u64,
-    /// Counts of datagrams so far.
+    /// Counts of received datagrams.
     pub counters: Counters,
 }
 
 impl Session {
-    /// A session with a number, before its first datagram.
+    /// Session with this number, before the first datagram.
     pub fn new(number: u64) -> Self {
         Self { number, sent: 0, received: 0, counters: Counters::default() }
     }
 
-    /// Its number.
+    /// Number of the session.
     pub fn number(&self) -> u64 {
         self.number
     }
 
-    /// Header of the next datagram, by the sender's clock \[ns\].
+    /// Header of the next datagram to be sent, at a time of the sender's clock \[ns\].
     pub fn next_header(&mut self, clock: u64) -> Header {
         self.sent += 1;
         Header { session: self.number, sequence: self.sent, received: self.received, clock }
     }
 
-    /// Takes a datagram; none where it is dropped, which is counted. A dropped datagram must not feed a
-    /// watchdog.
+    /// Decodes and checks a received datagram; `None` if it is dropped, which is counted. A dropped one must not feed
+    /// a watchdog.
     pub fn accept(&mut self, bytes: &[u8]) -> Option<(Header, Body)> {
         let counters = &mut self.counters;
         let (header, body) = match decode(bytes) {

@@ -1,6 +1,6 @@
 //! Signals of an axis that the interface carries, each with its name, and its unit in the name.
 
-/// Signals that a machine sends of each axis, in their order in a datagram.
+/// Measured signals of an axis, in their order in a datagram. Names end with the unit.
 pub const MEASURED: [&str; 7] = [
     "stroke_m",
     "pressure_pump_a_pa",
@@ -11,26 +11,26 @@ pub const MEASURED: [&str; 7] = [
     "motor_speed_rev_per_s",
 ];
 
-/// Signals that a machine takes of each axis, in their order in a datagram.
+/// Commanded signals of an axis, in their order in a datagram. Names end with the unit.
 pub const COMMANDED: [&str; 2] = ["motor_speed_rev_per_s", "holding_valve"];
 
-/// Whether a signal may be used.
+/// Validity of a measured signal, with its number in a datagram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Validity {
-    /// A measured value of the datagram's sampling time.
+    /// Measured at the datagram's sampling time.
     #[default]
     Good = 0,
-    /// Not measured, or wire break.
+    /// Not measured, or wire broken.
     Absent = 1,
     /// Outside the sensor's range.
     OutOfRange = 2,
-    /// Older than the sampling time.
+    /// Measured earlier than the sampling time.
     Stale = 3,
 }
 
 impl Validity {
-    /// Of its number.
+    /// Validity by its number in a datagram; `None` for an undefined number.
     pub fn of(number: u8) -> Option<Self> {
         [Self::Good, Self::Absent, Self::OutOfRange, Self::Stale]
             .into_iter()
@@ -38,45 +38,45 @@ impl Validity {
     }
 }
 
-/// State of the load-holding valve, where the machine reads it.
+/// State of the load-holding valve by its position switch, with its number in a datagram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ValveState {
-    /// Not read.
+    /// Unknown: without a position switch.
     #[default]
     Unknown = 0,
     /// Shut: the load is held.
     Shut = 1,
-    /// Open.
+    /// Open: the load is released.
     Open = 2,
 }
 
 impl ValveState {
-    /// Of its number.
+    /// State by its number in a datagram; `None` for an undefined number.
     pub fn of(number: u8) -> Option<Self> {
         [Self::Unknown, Self::Shut, Self::Open].into_iter().find(|state| *state as u8 == number)
     }
 }
 
-/// State of a machine.
+/// State of a machine, with its number in a datagram.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum MachineState {
-    /// Nothing is known of it.
+    /// Unknown.
     #[default]
     Absent = 0,
-    /// It starts.
+    /// Starting up.
     Starting = 1,
-    /// It measures, and its drives are without torque.
+    /// Measuring, with its drives without torque.
     Ready = 2,
-    /// Its drives follow commands.
+    /// Drives follow commands.
     Enabled = 3,
-    /// A fault, which a person resets at the machine.
+    /// Fault, to be reset by a person at the machine.
     Fault = 4,
 }
 
 impl MachineState {
-    /// Of its number.
+    /// State by its number in a datagram; `None` for an undefined number.
     pub fn of(number: u8) -> Option<Self> {
         [Self::Absent, Self::Starting, Self::Ready, Self::Enabled, Self::Fault]
             .into_iter()

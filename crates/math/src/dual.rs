@@ -1,18 +1,18 @@
-//! A number that carries its own derivatives.
+//! Dual numbers: forward-mode automatic differentiation.
 
 use crate::Real;
 use core::array::from_fn;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A value with its exact slopes along `N` directions (forward-mode differentiation).
+/// Dual number for forward-mode automatic differentiation: a value with its exact derivatives along `N` directions.
 ///
-/// The inner number is itself any [`Real`]: `Dual<f64, 4>` differentiates one run,
-/// `Dual<Lanes<8>, 4>` eight runs at once. At a kink the slope is that of the branch taken.
+/// The inner number is itself any [`Real`]: `Dual<f64, 4>` differentiates one run, `Dual<Lanes<8>, 4>` eight runs at
+/// once. At a kink the derivative is that of the branch taken.
 #[derive(Clone, Copy, Debug)]
 pub struct Dual<T, const N: usize> {
-    /// The value.
+    /// Value.
     pub value: T,
-    /// The derivative of the value along each direction.
+    /// Derivative of the value along each direction.
     pub slope: [T; N],
 }
 

@@ -12,11 +12,11 @@ use crate::{
 use core::array::from_fn;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-/// `W` numbers, one per run; every operation acts lane by lane.
+/// `W` numbers, one per SIMD lane and simulated run; every operation acts lane by lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Lanes<const W: usize>(
-    /// The number of each lane.
+    /// Number of each lane.
     pub [f64; W],
 );
 
@@ -26,7 +26,7 @@ pub struct Lanes<const W: usize>(
 pub struct LaneMask<const W: usize>([u64; W]);
 
 impl<const W: usize> LaneMask<W> {
-    /// The truth value of each lane.
+    /// Truth value of each lane.
     pub fn to_array(self) -> [bool; W] {
         self.0.map(|bits| bits != 0)
     }

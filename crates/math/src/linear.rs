@@ -1,4 +1,4 @@
-//! Small dense linear systems of fixed size.
+//! LU factorisation of small dense linear systems of fixed size, without and with partial pivoting.
 
 use crate::Real;
 

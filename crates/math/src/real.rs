@@ -1,4 +1,4 @@
-//! The scalar trait.
+//! Scalar trait of the model: arithmetic, elementary functions and selection without branches.
 
 use core::fmt::Debug;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};

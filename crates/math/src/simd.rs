@@ -35,7 +35,7 @@ fn has_avx512() -> bool {
         && std::arch::is_x86_feature_detected!("avx512bw")
 }
 
-/// Runs a kernel with the best instruction set of this machine.
+/// Runs a kernel with the widest instruction set of this machine, and returns its output.
 #[inline]
 pub fn run<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(all(target_arch = "x86_64", feature = "std"))]

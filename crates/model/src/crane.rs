@@ -1,34 +1,34 @@
-//! The assembled crane: parameters, state, input, outputs, and the equations that tie them.
+//! Crane assembled from circuit, cylinder and boom: parameters, state, input, outputs, and state equations.
 
 use crate::boom::{Boom, BoomState, CylinderPose, Pose};
 use crate::circuit::{Circuit, CircuitState, Flows, Nodes, SelfContained};
 use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
 use hydroboom_math::{Real, record};
 
-/// A crane: one boom with at most `N` segments, one cylinder, one circuit. Never changes during a
-/// run.
+/// Parameters of a crane: a boom with at most `N` coordinates, one cylinder, and one hydraulic circuit. Constant
+/// during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crane<T, const N: usize, C = SelfContained<T>> {
-    /// Circuit of the cylinder.
+    /// Hydraulic circuit that drives the cylinder.
     pub circuit: C,
-    /// Cylinder.
+    /// Areas, stroke and dead volumes of the differential cylinder.
     pub cylinder: Cylinder<T>,
-    /// Stops at both ends of its stroke.
+    /// Mechanical stops at both ends of the stroke.
     pub end_stops: EndStops<T>,
-    /// Friction of piston and rod.
+    /// Friction law of piston and rod seals.
     pub friction: Friction<T>,
-    /// Boom and payload.
+    /// Flexible boom with its payload.
     pub boom: Boom<T, N>,
 }
 
-/// All that changes during a run.
+/// State of a crane: every quantity that is integrated in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CraneState<T, const N: usize, S = CircuitState<T>> {
     /// Angles and angular velocities of the boom.
     pub boom: BoomState<T, N>,
     /// Bristle deflection of the friction law \[m\]; zero for laws without memory.
     pub bristle: T,
-    /// State of the circuit: mainly its pressures.
+    /// Pressures and other states of the hydraulic circuit.
     pub circuit: S,
 }
 
@@ -39,12 +39,12 @@ pub struct CraneRates<T, const N: usize, S = CircuitState<T>> {
     pub angular_acceleration: [T; N],
     /// Rate of the bristle deflection \[m/s\].
     pub bristle: T,
-    /// Rates of the circuit's state, each in its unit per second.
+    /// Rates of the circuit's states, each in its unit per second.
     pub circuit: S,
 }
 
 record! {
-    /// Input of the crane, constant over a step.
+    /// Inputs of a crane with a self-contained circuit, constant over a step.
     pub struct Input<T> {
         /// Pump speed n, positive when it delivers to the piston side
         #[unit = "rev/s"]
@@ -56,7 +56,7 @@ record! {
 }
 
 record! {
-    /// Outputs of a crane: measured quantities first.
+    /// Outputs of a crane, quantities that machines measure first. Pressures are gauge.
     pub struct Outputs<T> {
         /// Piston position from the lower stop, x_cyl
         #[unit = "m"]
@@ -64,19 +64,19 @@ record! {
         /// Piston velocity, v_cyl
         #[unit = "m/s"]
         pub velocity: T,
-        /// Pressure on pump side A, p_PA
+        /// Gauge pressure on pump side A, p_PA
         #[unit = "Pa"]
         pub pressure_pump_a: T,
-        /// Pressure on the piston side, p_A
+        /// Gauge pressure on the piston side, p_A
         #[unit = "Pa"]
         pub pressure_a: T,
-        /// Pressure on the rod side, p_B
+        /// Gauge pressure on the rod side, p_B
         #[unit = "Pa"]
         pub pressure_b: T,
-        /// Pressure on pump side B, p_PB
+        /// Gauge pressure on pump side B, p_PB
         #[unit = "Pa"]
         pub pressure_pump_b: T,
-        /// Pressure in the accumulator, p_acc
+        /// Gauge pressure in the accumulator, p_acc
         #[unit = "Pa"]
         pub pressure_accumulator: T,
         /// Gas volume of the accumulator, V_g
@@ -88,16 +88,16 @@ record! {
         /// Force of the cylinder on the boom, F_cyl
         #[unit = "N"]
         pub cylinder_force: T,
-        /// Friction force, F_fr
+        /// Friction force of the cylinder, opposing its motion, F_fr
         #[unit = "N"]
         pub friction_force: T,
-        /// Force of the end stops on the piston
+        /// Force of the end stops on the piston, positive outwards
         #[unit = "N"]
         pub end_stop_force: T,
-        /// Horizontal position of the tip
+        /// Horizontal position of the tip, to the right of the bearing
         #[unit = "m"]
         pub tip_x: T,
-        /// Vertical position of the tip
+        /// Vertical position of the tip, above the bearing
         #[unit = "m"]
         pub tip_y: T,
         /// Distance of the tip from the line of the first segment, positive upwards
@@ -135,7 +135,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
         PistonForces { cylinder, friction, end_stops, bristle_rate }
     }
 
-    /// Rates of change of every state.
+    /// State derivatives of boom (26), friction and circuit at a state and an input.
     #[inline(always)]
     pub fn derivative(
         &self,
@@ -172,7 +172,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
         CraneRates { angular_acceleration, bristle: forces.bristle_rate, circuit }
     }
 
-    /// The same crane over another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn over<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> Crane<U, N, C::Over<U>> {
         Crane {
             circuit: self.circuit.over(f),
@@ -201,7 +201,7 @@ impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
 }
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Outputs of the crane in this state.
+    /// Outputs (positions, gauge pressures, forces) at a state.
     pub fn outputs(&self, state: &CraneState<T, N>) -> Outputs<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);
@@ -238,7 +238,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         }
     }
 
-    /// All flows of the circuit in this state.
+    /// Volume flows \[m³/s\] of the circuit at a state and an input.
     pub fn flows(&self, state: &CraneState<T, N>, input: &Input<T>) -> Flows<T> {
         let pressures = self.circuit.pressures(&state.circuit);
         self.circuit.flows(&pressures, input.pump_speed, input.holding_valve)
@@ -257,7 +257,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
 }
 
 impl<T, const N: usize> Crane<T, N> {
-    /// The same crane in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Crane<U, N> {
         Crane {
             circuit: self.circuit.map(f),
@@ -270,7 +270,7 @@ impl<T, const N: usize> Crane<T, N> {
 }
 
 impl<T, const N: usize> CraneState<T, N> {
-    /// The same state in another number type.
+    /// Converts every state to another number type by `f`.
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> CraneState<U, N> {
         CraneState {
             boom: BoomState {

@@ -1,62 +1,67 @@
-//! The servo drive: dead time, and a second-order lag within the limits of its motor.
+//! Servo drive: dead time, and a second-order lag within the limits of its motor.
 
 use hydroboom_math::Real;
 
-/// Speed control and motor.
+/// Servo drive: speed control loop and motor as a second-order lag with limited speed, acceleration and torque.
 ///
 /// ```text
 /// n'' = ω² (n_ref(t − d) − n) − 2ζω n',   |n| ≤ n_max,   |n'| ≤ slew,   |2π J n' + T_load| ≤ T_max
 /// ```
 ///
-/// The dead time d is a [`DeadTime`] of its own: commands are there once a control period, steps of the lag are shorter.
+/// The dead time d is a [`DeadTime`] of its own: a command arrives once a control period, steps of the lag are
+/// shorter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive<T> {
-    /// Undamped angular frequency ω \[rad/s\].
+    /// Undamped natural angular frequency ω of the speed loop \[rad/s\].
     pub frequency: T,
-    /// Damping ratio ζ.
+    /// Damping ratio ζ of the speed loop \[1\].
     pub damping: T,
-    /// Largest torque \[N·m\].
+    /// Largest motor torque in either direction, T_max \[N·m\].
     pub torque: T,
-    /// Moment of inertia of motor and pump \[kg·m²\].
+    /// Moment of inertia of motor and pump, J \[kg·m²\].
     pub inertia: T,
     /// Largest speed in either direction, n_max \[rev/s\].
     pub largest_speed: T,
-    /// Largest change of speed \[rev/s²\].
+    /// Largest acceleration in either direction, slew \[rev/s²\].
     pub slew: T,
 }
 
 /// Angle \[rad\] of the lag's own oscillation in one part of a step.
 const FINEST: f64 = 0.01;
 
-/// Most parts of a step.
+/// Largest number of substeps that [`parts`] returns for a step.
 pub const MOST_PARTS: u32 = 20;
 
-/// State of a drive.
+/// State of a [`Drive`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveState<T> {
-    /// Speed n \[rev/s\].
+    /// Motor speed n \[rev/s\].
     pub speed: T,
-    /// n' \[rev/s²\].
+    /// Motor acceleration n' \[rev/s²\].
     pub acceleration: T,
 }
 
 impl<T: Real> DriveState<T> {
-    /// Turning at a steady speed \[rev/s\].
+    /// State at a constant speed \[rev/s\], with zero acceleration.
     pub fn steady(speed: T) -> Self {
         Self { speed, acceleration: T::zero() }
     }
 }
 
-/// Number of substeps for a step \[s\] of a lag with an angular frequency \[rad/s\], so that the
-/// first-order error of each is negligible.
+/// Number of substeps, 1 to [`MOST_PARTS`], of a step \[s\] of a lag with an angular frequency \[rad/s\].
+///
+/// A substep is 0.01 rad of the lag at most, unless that needs more of them; its first-order error is then
+/// negligible.
 pub fn parts(frequency: f64, step: f64) -> u32 {
     Real::clamp(libm::ceil(frequency * step / FINEST), 1.0, f64::from(MOST_PARTS)) as u32
 }
 
 impl<T: Real> Drive<T> {
-    /// Moves the motor on by `step` \[s\] in a number of parts, with `wanted` \[rev/s\] commanded, against
-    /// a load torque \[N·m\] that is positive where it brakes positive speed. Returns its mean speed
-    /// \[rev/s\] over the step; `after` is called for each part \[s\] with the state at its end.
+    /// Integrates the drive over `step` \[s\] in `parts` substeps; returns the mean speed \[rev/s\].
+    ///
+    /// `wanted` is the commanded speed \[rev/s\]. `load` is the load torque \[N·m\], positive where it brakes
+    /// positive speed. `after` is called after each substep with the state and the substep's length \[s\]. A load
+    /// torque beyond the largest motor torque accelerates the motor against its command.
     #[inline(always)]
     pub fn advance(
         &self,
@@ -96,9 +101,10 @@ impl<T: Real> Drive<T> {
     }
 }
 
-/// A dead time of commands that hold for a period each: whole periods, and a part of one, linear between commands.
+/// Dead time of commands that are constant over a control period: whole periods and a fraction, interpolated linearly
+/// between two commands.
 ///
-/// The slope along the dead time is that of the straight line between two commands, exactly.
+/// The derivative by the dead time is the slope of that line, exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeadTime<T> {
     whole: usize,
@@ -106,18 +112,19 @@ pub struct DeadTime<T> {
 }
 
 impl<T: Real> DeadTime<T> {
-    /// A dead time \[s\] of zero or more with a number of whole periods \[s\] in it: for plain numbers
-    /// [`of`](DeadTime::of).
+    /// Dead time `time` \[s\], not negative, that contains `whole` whole periods of `period` \[s\]. For plain numbers
+    /// see [`of`](DeadTime::of).
     pub fn over(time: T, period: T, whole: usize) -> Self {
         Self { whole, part: time / period - T::lit(whole as f64) }
     }
 
-    /// Largest age of a command, in periods.
+    /// Age of the oldest command that [`arrived`](Self::arrived) reads, in control periods.
     pub fn reach(&self) -> usize {
         self.whole + 1
     }
 
-    /// Command that arrives now, from commands by their age in periods; 0 is the present one.
+    /// Delayed command, in the unit of the commands. `ago(k)` is the command of `k` control periods ago; `ago(0)` is
+    /// the newest.
     #[inline(always)]
     pub fn arrived(&self, ago: impl Fn(usize) -> T) -> T {
         let [after, before] = [ago(self.whole), ago(self.whole + 1)];
@@ -126,7 +133,7 @@ impl<T: Real> DeadTime<T> {
 }
 
 impl DeadTime<f64> {
-    /// A dead time \[s\] in periods \[s\]; below zero it is none.
+    /// Dead time `time` \[s\] at a control period of `period` \[s\]; a negative time counts as zero.
     pub fn of(time: f64, period: f64) -> Self {
         let time = time.max(0.0);
         Self::over(time, period, (time / period) as usize)

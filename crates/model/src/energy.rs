@@ -1,4 +1,4 @@
-//! Stored energy, and power by source and loss.
+//! Energy and power balance of the crane.
 //!
 //! [`Crane::energy`] is a state function, [`Crane::power`] its rate of change by name: `dE/dt = pump −
 //! losses + defects`, exactly. A *defect* belongs to an equation that does not conserve mass. A
@@ -12,78 +12,77 @@ use core::array::from_fn;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Energy in all its forms.
+    /// Energy stored in a crane, by form.
     pub struct Energy<T> {
-        /// Motion of boom and payload
+        /// Kinetic energy of boom and payload
         #[unit = "J"]
         pub kinetic: T,
-        /// Height of boom and payload above the bearing
+        /// Gravitational potential energy of boom and payload, zero at the bearing's height
         #[unit = "J"]
         pub gravitational: T,
-        /// Bent joints
+        /// Elastic energy of the bent joints and the base frame
         #[unit = "J"]
         pub elastic: T,
-        /// Compressed oil, and cavities against the atmosphere
+        /// Energy of compressed oil, and of cavities against the atmosphere
         #[unit = "J"]
         pub oil: T,
-        /// Compressed gas of the accumulator
+        /// Energy of the accumulator's compressed gas
         #[unit = "J"]
         pub gas: T,
-        /// Bristles of the friction law
+        /// Elastic energy of the bristles of the friction law
         #[unit = "J"]
         pub bristles: T,
-        /// Compressed end stops
+        /// Elastic energy of the compressed end stops
         #[unit = "J"]
         pub end_stops: T,
     }
 }
 
 impl<T: Real> Energy<T> {
-    /// Sum of all forms \[J\].
+    /// Total energy, the sum of all forms \[J\].
     pub fn total(&self) -> T {
         self.to_array().into_iter().fold(T::zero(), |sum, energy| sum + energy)
     }
 }
 
 record! {
-    /// Power by name: what the pump adds, what is lost where, and what the equations' mass defects
-    /// add.
+    /// Power balance of a crane: pump work, losses by component, and what equations that do not conserve mass add.
     pub struct Power<T> {
-        /// Pump on the oil, k_flow Q_P p_PA − Q_P p_PB
+        /// Power of the pump on the oil, k_flow Q_P p_PA − Q_P p_PB
         #[unit = "W"]
         pub pump: T,
-        /// Lost in the load-holding valves
+        /// Power lost in the load-holding valves
         #[unit = "W"]
         pub loss_holding_valves: T,
-        /// Lost to leakage through and out of the pump
+        /// Power lost to internal and case leakage of the pump
         #[unit = "W"]
         pub loss_leakage: T,
-        /// Lost on the way to and from the accumulator
+        /// Power lost in the lines to and from the accumulator
         #[unit = "W"]
         pub loss_return_lines: T,
-        /// Lost in relief valves
+        /// Power lost in the relief valves
         #[unit = "W"]
         pub loss_relief: T,
-        /// Lost to friction in the cylinder
+        /// Power lost to friction in the cylinder
         #[unit = "W"]
         pub loss_friction: T,
-        /// Lost in the boom's joints
+        /// Power lost in the boom's joints and the base frame
         #[unit = "W"]
         pub loss_joints: T,
-        /// Lost in the end stops
+        /// Power lost in the end stops
         #[unit = "W"]
         pub loss_end_stops: T,
-        /// Added by restrictions that conserve volume and not mass
+        /// Power added by orifice equations, which conserve volume and not mass
         #[unit = "W"]
         pub defect_restrictions: T,
-        /// Added by a pump that delivers k_flow of the volume it takes
+        /// Power added by the pump's flow gain k_flow, which does not conserve mass
         #[unit = "W"]
         pub defect_pump: T,
     }
 }
 
 impl<T: Real> Power<T> {
-    /// All that is lost \[W\].
+    /// Sum of all losses \[W\].
     pub fn losses(&self) -> T {
         self.loss_holding_valves
             + self.loss_leakage
@@ -101,7 +100,7 @@ impl<T: Real> Power<T> {
 }
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Energy of a state.
+    /// Stored energy at a state.
     pub fn energy(&self, state: &CraneState<T, N>) -> Energy<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let stroke = self.boom.cylinder_pose(&pose).stroke;
@@ -129,7 +128,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         }
     }
 
-    /// Power in a state under an input.
+    /// Power balance at a state and an input.
     pub fn power(&self, state: &CraneState<T, N>, input: &Input<T>) -> Power<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);

@@ -1,4 +1,4 @@
-//! State of rest as an initial state, without oscillation at t = 0.
+//! Static equilibrium of the crane: initial states without transients.
 
 use crate::boom::{Boom, BoomState, MAX_SEGMENTS};
 use crate::circuit::{Circuit, CircuitState, Nodes, ValveCircuitState, ValveControlled};
@@ -7,50 +7,50 @@ use crate::hydraulics::FrictionLaw;
 use core::fmt;
 use hydroboom_math::{Dual, Real, solve_pivoted};
 
-/// Where to start from.
+/// Initial conditions of an equilibrium of a crane with a self-contained circuit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start<T = f64> {
-    /// Piston position \[m\].
+    /// Piston position from the lower stop \[m\].
     pub stroke: T,
-    /// Gauge pressure trapped or resting on the rod side \[Pa\].
+    /// Gauge pressure on the rod side \[Pa\].
     pub rod_side_pressure: T,
     /// Gauge pressure of the accumulator \[Pa\].
     pub accumulator_pressure: T,
     /// Gas volume of the accumulator \[m³\].
     pub gas_volume: T,
-    /// Pre-load of the pump sides, 0 to 1. At 0 they have the accumulator's pressure, as after a long rest
-    /// with the load held. At 1 they have the cylinder's, ready to energise the 3/2 valve.
+    /// Pre-load of the pump sides \[1\], 0 to 1. At 0 they have the accumulator's pressure, as after a long rest with
+    /// the load held. At 1 they have the cylinder's, ready to energise the 3/2 valve.
     pub preload: T,
 }
 
-/// Where a crane with a valve-controlled circuit starts from, its valve closed.
+/// Initial conditions of an equilibrium of a crane with a valve-controlled circuit, its valve closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValveStart<T = f64> {
-    /// Piston position \[m\].
+    /// Piston position from the lower stop \[m\].
     pub stroke: T,
-    /// Gauge pressure on the piston side \[Pa\]: what it lacks or has too much to carry the load, friction holds as far as
-    /// it can. None has the piston side carry the load alone.
+    /// Gauge pressure on the piston side \[Pa\]. Friction carries the difference to the load's pressure, up to its
+    /// static force. `None`: the piston side carries the whole load.
     pub pressure_a: Option<T>,
     /// Gauge pressure on the rod side \[Pa\].
     pub pressure_b: T,
 }
 
-/// Why there is no state of rest.
+/// Reason why a crane has no equilibrium at a piston position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EquilibriumError {
-    /// The cylinder cannot have this length: its mounts are too far apart or too near.
+    /// The cylinder cannot have this length: the triangle of bearing, foot and mount does not close.
     OutOfReach {
-        /// Piston position asked for \[m\].
+        /// Requested piston position \[m\].
         stroke: f64,
     },
     /// The static equations have no solution near a straight boom.
     NoBalance {
-        /// Piston position asked for \[m\].
+        /// Requested piston position \[m\].
         stroke: f64,
     },
-    /// The load would have to be held by suction.
+    /// The load pulls the rod out: holding it would need a pressure below vapour pressure on the piston side.
     LoadPulls {
-        /// Pressure the piston side would need \[Pa\].
+        /// Gauge pressure that the piston side would need \[Pa\].
         pressure_a: f64,
     },
 }
@@ -83,15 +83,14 @@ impl core::error::Error for EquilibriumError {}
 const UNKNOWNS: usize = MAX_SEGMENTS + 2;
 
 impl<const N: usize> Crane<f64, N> {
-    /// The state at rest that carries the load: boom bent under its weight, piston side at the
-    /// pressure that holds it without help of friction.
+    /// Equilibrium that carries the load: boom bent under its weight, piston side at the pressure that holds it
+    /// without friction.
     ///
-    /// With the load held, or the pump standing still and the valve open, this state rests but for
-    /// leakage.
+    /// With the load held, or the pump standing still and the valve open, this state rests but for leakage.
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    /// [`EquilibriumError`] if geometry or load permit no such state.
     pub fn at_rest(&self, start: &Start) -> Result<CraneState<f64, N>, EquilibriumError> {
         let (angle, force) = self.static_balance(start.stroke)?;
         let state = self.resting(start, angle, force);
@@ -104,7 +103,11 @@ impl<const N: usize> Crane<f64, N> {
 }
 
 impl<const N: usize, C: Circuit<f64>> Crane<f64, N, C> {
-    /// Angle \[rad\] of the boom, were it straight and rigid, with the piston at `stroke` \[m\].
+    /// Angle \[rad\] of the first segment if the boom were straight and rigid, with the piston at `stroke` \[m\].
+    ///
+    /// # Errors
+    ///
+    /// [`EquilibriumError::OutOfReach`] if the cylinder cannot have this length.
     pub fn rigid_angle(&self, stroke: f64) -> Result<f64, EquilibriumError> {
         let mount = &self.boom.mount;
         let inner: f64 =
@@ -255,11 +258,11 @@ impl<T: Real, const N: usize> Crane<T, N> {
 const LARGEST_TURN: f64 = 0.5;
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// One step of Newton's method from a state near rest to the state of rest at `start`, over any number.
+    /// One Newton step from a state near equilibrium to the equilibrium at `start`, in any number type.
     ///
-    /// From any state of rest of a crane of the same make it comes to [`at_rest`](Crane::at_rest) in a few calls, after which it
-    /// changes nothing but the last digits. Of the state near rest it uses the angles and the piston side's pressure.
-    /// Where there is no balance it does not settle, or gives no number.
+    /// From an equilibrium of a crane of the same structure it converges to [`at_rest`](Crane::at_rest) in a few
+    /// calls. It uses only the angles and the piston side's pressure of the state `near`. Without an equilibrium it
+    /// does not converge, or gives NaN.
     pub fn balanced(&self, start: &Start<T>, near: &CraneState<T, N>) -> CraneState<T, N> {
         let zero = T::zero();
         let end_stops = self.end_stops.force(start.stroke, zero, self.cylinder.stroke_length);
@@ -329,8 +332,8 @@ impl<T: Real, const N: usize> Crane<T, N> {
 impl<const P: usize, const N: usize, C: Circuit<Dual<f64, P>>> Crane<Dual<f64, P>, N, C> {
     /// The balance with its exact slopes along the crane's directions and the stroke's.
     ///
-    /// At R(φ, F; θ) = 0 the slopes follow from R_φF d(φ, F) = −R_θ dθ: one Newton step in dual numbers, taken from the
-    /// balance.
+    /// At R(φ, F; θ) = 0 the slopes follow from R_φF d(φ, F) = −R_θ dθ: one Newton step in dual numbers, taken
+    /// from the balance.
     fn balance_along(
         &self,
         stroke: Dual<f64, P>,
@@ -358,11 +361,12 @@ impl<const P: usize, const N: usize, C: Circuit<Dual<f64, P>>> Crane<Dual<f64, P
 }
 
 impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N> {
-    /// The same state of rest with its exact slopes along the crane's directions and the start's.
+    /// Equilibrium as [`at_rest`](Crane::at_rest), with exact derivatives by the `P` directions of the crane's
+    /// parameters and of the start.
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    /// [`EquilibriumError`] if geometry or load permit no such state.
     pub fn at_rest_along(
         &self,
         start: &Start<Dual<f64, P>>,
@@ -377,7 +381,7 @@ impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N> {
     }
 }
 
-/// A valve-controlled crane at rest or in motion.
+/// State of a crane with a valve-controlled circuit.
 pub type ValveCraneState<T, const N: usize> = CraneState<T, N, ValveCircuitState<T>>;
 
 impl<T: Real, const N: usize> Crane<T, N, ValveControlled<T>> {
@@ -411,11 +415,11 @@ impl<T: Real, const N: usize> Crane<T, N, ValveControlled<T>> {
 }
 
 impl<const N: usize> Crane<f64, N, ValveControlled<f64>> {
-    /// The state at rest with the valve closed.
+    /// Equilibrium with the valve closed.
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    /// [`EquilibriumError`] if geometry or load permit no such state.
     pub fn at_rest(&self, start: &ValveStart) -> Result<ValveCraneState<f64, N>, EquilibriumError> {
         let (angle, force) = self.static_balance(start.stroke)?;
         let state = self.resting_at_valve(start, angle, force);
@@ -427,11 +431,12 @@ impl<const N: usize> Crane<f64, N, ValveControlled<f64>> {
 }
 
 impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N, ValveControlled<Dual<f64, P>>> {
-    /// The same state of rest with its exact slopes along the crane's directions and the start's.
+    /// Equilibrium with the valve closed, with exact derivatives by the `P` directions of the crane's parameters and
+    /// of the start.
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    /// [`EquilibriumError`] if geometry or load permit no such state.
     pub fn at_rest_along(
         &self,
         start: &ValveStart<Dual<f64, P>>,

@@ -1,4 +1,4 @@
-//! A boom lifted by hand, the oil in its cylinder locked in: it will drop onto that.
+//! Drop test: the boom is lifted with the oil in its cylinder locked in, and drops onto it.
 
 use crate::crane::{Crane, CraneState};
 use hydroboom_math::Real;
@@ -7,8 +7,10 @@ use hydroboom_math::Real;
 const PARTS: u32 = 1000;
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// The state with the whole boom turned by `angle` \[rad\], and the chambers at the pressures that their locked-in
-    /// oil then has.
+    /// State with the whole boom turned by `angle` \[rad\], counter-clockwise, with the oil in both cylinder chambers
+    /// locked in.
+    ///
+    /// Chamber pressures follow from dp = −β dV/V. Released, the boom drops onto the cylinder.
     pub fn lifted(&self, state: &CraneState<T, N>, angle: T) -> CraneState<T, N> {
         let stroke = |state: &CraneState<T, N>| {
             let pose = self.boom.pose(&state.boom.angle);

@@ -1,54 +1,53 @@
-//! A crane in motion: parameters, state, scheme and clock, with every step checked.
+//! Time simulation of a crane: parameters, state, scheme and clock, with every step checked.
 
 use crate::crane::{Crane, CraneState, Input};
 use crate::stepping::{Implicit, MOST_PARTS, StepBound, StepLimit, published, runge_kutta_4};
 use crate::validity::Invalid;
 use core::fmt;
 
-/// How a simulation moves in time.
+/// Integration scheme of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
-    /// The paper's, of first order; takes substeps above its step limit.
+    /// First-order scheme of the paper (30) to (32); takes substeps above its [step limit](StepLimit).
     Published,
-    /// Implicit, of second order; no step limit. Steps that do not settle are divided.
+    /// Implicit second-order Runge-Kutta scheme without step limit; a step that does not converge is divided.
     Implicit,
-    /// Classical Runge-Kutta, of fourth order; takes substeps above its step limit.
+    /// Classical fourth-order Runge-Kutta scheme; takes substeps above its [step limit](StepLimit).
     RungeKutta4,
 }
 
 /// More substeps than this are refused: the requested step does not suit the scheme.
 const MOST_SUBSTEPS: f64 = 1000.0;
 
-/// Error of a simulation.
+/// Reason why a simulation cannot continue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SimulationError {
-    /// The state after a step is not one the model holds for; the simulation stays at the last
-    /// good state.
+    /// The new state is outside the model's range of validity; the simulation stays at the last valid state.
     Invalid {
-        /// Time of the last good state \[s\].
+        /// Time of the last valid state \[s\].
         time: f64,
-        /// What was violated.
+        /// Violated condition.
         reason: Invalid,
     },
-    /// An implicit step could not be solved, not even in the smallest parts.
+    /// An implicit step did not converge, even in [`MOST_PARTS`] parts.
     Unsettled {
-        /// Time of the last good state \[s\].
+        /// Time of the last valid state \[s\].
         time: f64,
     },
     /// An input is not a finite number.
     Input {
-        /// Time of the last good state \[s\].
+        /// Time of the last valid state \[s\].
         time: f64,
     },
-    /// The step is far above the scheme's limit, or not a positive number.
+    /// The step is not positive and finite, or more than 1000 times the scheme's limit.
     Step {
-        /// Time of the last good state \[s\].
+        /// Time of the last valid state \[s\].
         time: f64,
         /// Requested step \[s\].
         step: f64,
         /// Largest step without substeps \[s\].
         limit: f64,
-        /// Which limit it is.
+        /// Effect that determines the limit.
         bound: StepBound,
     },
 }
@@ -78,7 +77,7 @@ impl fmt::Display for SimulationError {
 
 impl core::error::Error for SimulationError {}
 
-/// A crane in motion.
+/// Time simulation of a crane: parameters, state, scheme and clock, with every step checked.
 #[derive(Clone, Debug)]
 pub struct Simulation<const N: usize> {
     crane: Crane<f64, N>,
@@ -107,11 +106,11 @@ enum Stepper {
 }
 
 impl<const N: usize> Simulation<N> {
-    /// A simulation at `state`, to be moved in steps of `step` \[s\].
+    /// Simulation from `state` at t = 0, in steps of `step` \[s\].
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the step does not suit the scheme or the state is not valid.
+    /// [`SimulationError`] if the step does not suit the scheme or the state is not valid.
     pub fn new(
         crane: Crane<f64, N>,
         state: CraneState<f64, N>,
@@ -143,12 +142,12 @@ impl<const N: usize> Simulation<N> {
         Ok(Self { crane, state, stepper, step, usual_substeps: substeps, substeps, count: 0 })
     }
 
-    /// Moves on by `count` steps under a constant input.
+    /// Advances by `count` steps under a constant input.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the input or the new state is not valid; the state is then the
-    /// last good one.
+    /// [`SimulationError`] if the input is not finite or the new state is not valid; the state is then the last valid
+    /// one.
     pub fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError> {
         if !(input.pump_speed.is_finite() && input.holding_valve.is_finite()) {
             return Err(SimulationError::Input { time: self.time() });
@@ -183,7 +182,8 @@ impl<const N: usize> Simulation<N> {
         Ok(())
     }
 
-    /// Moves a state on by `count` steps of an explicit scheme, each divided as its limits ask for; the most substeps of a step.
+    /// Moves a state on by `count` steps of an explicit scheme, each divided as its limits ask for; the most substeps
+    /// of a step.
     #[inline(always)]
     fn substepped(
         &self,
@@ -223,31 +223,31 @@ impl<const N: usize> Simulation<N> {
         self.count as f64 * self.step
     }
 
-    /// The step \[s\].
+    /// Step size \[s\].
     pub fn step(&self) -> f64 {
         self.step
     }
 
-    /// The most substeps that a step was divided into so far, to stay below the scheme's limit.
+    /// Largest number of substeps per step so far, taken to stay below the scheme's step limit.
     pub fn substeps(&self) -> u32 {
         self.substeps
     }
 
-    /// The crane.
+    /// Parameters of the crane.
     pub fn crane(&self) -> &Crane<f64, N> {
         &self.crane
     }
 
-    /// Its state now.
+    /// Present state.
     pub fn state(&self) -> &CraneState<f64, N> {
         &self.state
     }
 
-    /// Puts the crane into another state, at the same time.
+    /// Replaces the state; the time stays.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the state is not valid; the simulation then stays as it was.
+    /// [`SimulationError`] if the state is not valid; the simulation then stays as it was.
     pub fn set_state(&mut self, state: CraneState<f64, N>) -> Result<(), SimulationError> {
         self.crane
             .validity(&state)
@@ -257,7 +257,7 @@ impl<const N: usize> Simulation<N> {
         Ok(())
     }
 
-    /// Continues with other parameters, such as those of warmed oil. Step and substeps stay.
+    /// Replaces the parameters during the run, for example those of warmer oil. Step size and substeps stay.
     pub fn set_crane(&mut self, crane: Crane<f64, N>) {
         self.crane = crane;
         if let Stepper::Implicit(scheme) = &mut self.stepper {

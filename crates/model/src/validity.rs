@@ -1,4 +1,4 @@
-//! Where the model stops being one.
+//! Range of validity of the model.
 
 use crate::crane::{Crane, CraneState};
 use core::fmt;
@@ -12,7 +12,7 @@ const LARGEST_BEND: f64 = 0.1745;
 /// Depth \[m\] into an end stop beyond which it would have been destroyed.
 const DEEPEST_STOP: f64 = 0.02;
 
-/// Which of the model's conditions a state meets; one truth value per lane.
+/// Conditions for the validity of the model at a state; one truth value per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Validity<M> {
     /// Every number is finite.
@@ -27,14 +27,14 @@ pub struct Validity<M> {
     pub stroke: M,
 }
 
-/// Why a state cannot be trusted.
+/// Violated condition for the validity of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Invalid {
-    /// A number is NaN or infinite: the integration diverged.
+    /// A state is NaN or infinite: the integration diverged.
     NotFinite,
     /// A pressure above 1000 bar.
     Pressure,
-    /// A cavity as large as its node.
+    /// A node ran dry: its cavity is as large as its volume.
     Dry,
     /// A joint bent by more than ten degrees, or the boom turned over.
     Bending,
@@ -59,7 +59,7 @@ impl fmt::Display for Invalid {
 impl core::error::Error for Invalid {}
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Whether the state is one the model holds for.
+    /// Checks the conditions for the validity of the model at a state.
     #[inline(always)]
     pub fn validity(&self, state: &CraneState<T, N>) -> Validity<T::Mask> {
         let n = self.boom.len();
@@ -121,7 +121,11 @@ impl<const W: usize> Validity<LaneMask<W>> {
 }
 
 impl Validity<bool> {
-    /// The first condition that is not met, if any.
+    /// Checks the conditions in their order.
+    ///
+    /// # Errors
+    ///
+    /// The first violated condition.
     pub fn check(self) -> Result<(), Invalid> {
         match self {
             Self { finite: false, .. } => Err(Invalid::NotFinite),

@@ -1,4 +1,4 @@
-//! The interface, and the crane behind it.
+//! Interface of a simulated crane, independent of the number of its segments.
 
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Dual;
@@ -10,24 +10,24 @@ use hydroboom_model::{
 use nalgebra::DMatrix;
 use thiserror::Error;
 
-/// Why there is no such crane.
+/// Reason why a crane cannot be simulated.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum PlantError {
-    /// The description gives no model, or the model no state of rest.
+    /// The description gives no model, or the model has no equilibrium.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// The step does not suit the scheme, or the state is not valid.
     #[error("starting the simulation: {0}")]
     Simulation(SimulationError),
-    /// A piston position the cylinder does not have.
+    /// Piston position outside the stroke.
     #[error("the piston's stroke is 0 to {longest_mm} mm, not {asked_mm} mm")]
     Stroke {
-        /// Requested position.
+        /// Requested piston position \[mm\].
         asked_mm: f64,
-        /// The cylinder's stroke.
+        /// Stroke length of the cylinder \[mm\].
         longest_mm: f64,
     },
-    /// A crane side by side with others that differs from them in more than numbers.
+    /// Cranes that are simulated side by side differ in structure, not only in numbers.
     #[error(
         "cranes that are simulated side by side have the same friction law, number of segments and \
          effects"
@@ -35,70 +35,71 @@ pub enum PlantError {
     Make,
 }
 
-/// A simulated crane. Its number of segments is hidden.
+/// Simulated crane, independent of the number of its segments.
 pub trait Plant: Send + Sync {
-    /// An independent copy in the same state.
+    /// Independent copy in the same state.
     fn copied(&self) -> Box<dyn Plant>;
-    /// Moves on by `count` steps under a constant input.
+    /// Advances by `count` steps under a constant input.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the simulation leaves the model's range of validity.
+    /// [`SimulationError`] if the state leaves the model's range of validity.
     fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError>;
     /// Time since the start \[s\].
     fn time(&self) -> f64;
-    /// Step \[s\].
+    /// Step size \[s\].
     fn step(&self) -> f64;
-    /// Substeps the scheme takes for each step to stay stable.
+    /// Largest number of substeps per step so far, taken to stay below the scheme's step limit.
     fn substeps(&self) -> u32;
-    /// Outputs.
+    /// Outputs (positions, gauge pressures, forces) at the present state.
     fn outputs(&self) -> Outputs<f64>;
     /// Load pressure p_L \[Pa\].
     fn load_pressure(&self) -> f64;
-    /// Area ratio of rod side and piston side, A_r/A_p.
+    /// Area ratio A_r/A_p \[1\]: weight of the rod side's pressure in the load pressure.
     fn rod_side_ratio(&self) -> f64;
-    /// All flows under an input.
+    /// Volume flows of the circuit under an input.
     fn flows(&self, input: &Input<f64>) -> Flows<f64>;
-    /// Energy by form.
+    /// Stored energy, by form.
     fn energy(&self) -> Energy<f64>;
-    /// Power by name under an input.
+    /// Power balance under an input.
     fn power(&self, input: &Input<f64>) -> Power<f64>;
-    /// Step limit of the published scheme.
+    /// Step limit of the published scheme at the present state.
     fn step_limit(&self) -> StepLimit;
-    /// Positions \[m\] of bearing, joints and tip.
+    /// Positions of bearing, joints and tip \[m\], right of and above the bearing.
     fn boom_line(&self) -> Vec<[f64; 2]>;
-    /// Position \[m\] of the cylinder's mount on the boom.
+    /// Position of the cylinder's mount on the boom \[m\], right of and above the bearing.
     fn mount(&self) -> [f64; 2];
-    /// Continues with the parameters of another description of the same number of segments.
+    /// Replaces the parameters by those of another description with the same number of segments; the state stays.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the description gives no model of this size.
+    /// [`PlantError`] if the description gives no model of this size.
     fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError>;
-    /// Sets the decrease of the pressure at which the oil stiffens by dissolved air, node by node \[Pa\].
+    /// Sets the reduction of the oil's transition pressure by dissolved air, for each node \[Pa\].
     fn set_dissolved_air(&mut self, shift: Nodes<f64>);
-    /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
-    /// will drop onto its cylinder.
+    /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in. It then drops onto the
+    /// cylinder.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the lifted state is not valid.
+    /// [`SimulationError`] if the lifted state is not valid.
     fn lift(&mut self, angle: f64) -> Result<(), SimulationError>;
-    /// Names of the state vector's entries, with their units.
+    /// Names of the state vector's entries, with units.
     fn state_names(&self) -> Vec<String>;
-    /// Derivatives of the state's rates by the state, and by the input (pump speed \[rev/s\]).
+    /// Jacobians of the state derivatives: by the state, and by the pump speed \[rev/s\].
     fn jacobian(&self, input: &Input<f64>) -> (DMatrix<f64>, DMatrix<f64>);
-    /// Derivatives of the outputs by the state.
+    /// Jacobian of the outputs by the state: a row per output, a column per state.
     fn output_jacobian(&self) -> DMatrix<f64>;
-    /// The state as a vector, in the order of [`state_names`](Plant::state_names).
+    /// State vector, in the order of [`state_names`](Plant::state_names).
     fn state_vector(&self) -> Vec<f64>;
 }
 
-/// A crane at rest at `start`, as described, in the smallest type that has room for its segments.
+/// Crane of a description in equilibrium at `start`, to be simulated in steps of `step` \[s\].
 ///
 /// # Errors
 ///
-/// [`PlantError`] when the description gives no model or the step does not suit the scheme.
+/// [`PlantError`] if the description gives no model, the piston position is outside the stroke, or the step does not
+/// suit the scheme.
 pub fn plant(
     description: &Description,
     start: &Start,
@@ -129,7 +130,8 @@ fn sized<const N: usize>(
     Ok(Box::new(simulation))
 }
 
-/// A state as a flat vector: angles, angular velocities, bristle, nodes, gas volume.
+/// State vector of a boom with `n` coordinates: angles, angular velocities, bristle deflection, node pressures, gas
+/// volume.
 pub fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
     let mut flat = state.boom.angle[..n].to_vec();
     flat.extend_from_slice(&state.boom.angular_velocity[..n]);
@@ -139,7 +141,7 @@ pub fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> V
     flat
 }
 
-/// The state of a flat vector, the way back from [`flatten`].
+/// State from a state vector as of [`flatten`]; entries beyond `n` coordinates are those of `like`.
 pub fn unflatten<T: Copy, const N: usize>(
     like: &CraneState<T, N>,
     flat: &[T],

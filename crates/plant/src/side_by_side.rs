@@ -1,4 +1,4 @@
-//! Several cranes moving together, one in each SIMD lane.
+//! Batch simulation of several cranes, one in each SIMD lane.
 
 use crate::PlantError;
 use hydroboom_description::{BuildError, Description};
@@ -11,8 +11,9 @@ use hydroboom_model::{
 /// Coordinates of the boom there is room for: ten segments on an elastic base.
 const ROOM: usize = 11;
 
-/// `W` cranes of the same make and different parameters, in steps of one length with the implicit scheme.
-/// Each has the results of a single simulation, to the last bit.
+/// `W` cranes of the same structure and different parameters, simulated in SIMD lanes with the implicit scheme.
+///
+/// Each has the results of its own simulation, to the last bit.
 pub struct SideBySide<const W: usize> {
     cranes: [Crane<f64, ROOM>; W],
     wide: Crane<Lanes<W>, ROOM>,
@@ -25,12 +26,13 @@ pub struct SideBySide<const W: usize> {
 }
 
 impl<const W: usize> SideBySide<W> {
-    /// Cranes at rest. None if their structure differs (friction law, number of segments, an effect that
-    /// only one has), or if they have too many substeps. Such cranes can only be simulated one by one.
+    /// Cranes in equilibrium, in steps of `step` \[s\]. `None` if their structure differs (friction law, number of
+    /// segments, an effect that only some have), or if they have too many segments. Such cranes must be simulated one
+    /// by one.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when a description gives no model, or no state of rest at its start.
+    /// [`PlantError`] if a description gives no model, or no equilibrium at its start.
     pub fn new(
         descriptions: &[Description; W],
         starts: &[Start; W],
@@ -70,7 +72,7 @@ impl<const W: usize> SideBySide<W> {
         })
     }
 
-    /// Moves every crane on by one step, each under its own input.
+    /// Advances every crane by one step, each under its own input.
     pub fn advance(&mut self, inputs: &[Input<f64>; W]) {
         let before = self.state;
         let input = Input {
@@ -109,34 +111,34 @@ impl<const W: usize> SideBySide<W> {
         self.count += 1;
     }
 
-    /// Error of a crane's simulation, if any.
+    /// Error that has stopped a crane; `None` while it runs. A stopped crane keeps its last valid state.
     pub fn stopped(&self, lane: usize) -> Option<SimulationError> {
         self.stopped[lane]
     }
 
-    /// Step \[s\].
+    /// Step size \[s\].
     pub fn step(&self) -> f64 {
         self.step
     }
 
-    /// Outputs of each.
+    /// Outputs of each crane.
     pub fn outputs(&self) -> [Outputs<f64>; W] {
         let outputs = self.wide.outputs(&self.state);
         std::array::from_fn(|lane| outputs.map(|v| v.0[lane]))
     }
 
-    /// Power \[W\] that each loses under its input.
+    /// Power losses of a crane under an input \[W\].
     pub fn losses(&self, lane: usize, input: &Input<f64>) -> f64 {
         self.cranes[lane].power(&state_of(&self.state, lane), input).losses()
     }
 
-    /// One crane continues with the parameters of another description of the same structure, and air
-    /// dissolved as given.
+    /// Replaces the parameters of one crane by those of another description of the same structure, and its dissolved
+    /// air, as a reduction of the transition pressure for each node \[Pa\].
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the description gives no model, or one of another make; all stays as it
-    /// was.
+    /// [`PlantError`] if the description gives no model, or one of another structure; all cranes then stay as they
+    /// were.
     pub fn set_parameters(
         &mut self,
         lane: usize,
@@ -153,8 +155,8 @@ impl<const W: usize> SideBySide<W> {
         Ok(())
     }
 
-    /// Sets the decrease by dissolved air of the pressure at which each one's oil stiffens \[Pa\]; false,
-    /// and nothing is set, where some are given and some are not.
+    /// Sets for each crane the reduction of the oil's transition pressure by dissolved air \[Pa\]. False, without any
+    /// change, if only some are given.
     pub fn set_dissolved_air(&mut self, shifts: [Option<Nodes<f64>>; W]) -> bool {
         if shifts.iter().any(|shift| shift.is_some() != shifts[0].is_some()) {
             return false;

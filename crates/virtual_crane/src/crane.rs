@@ -9,7 +9,24 @@ use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
 use hydroboom_plant::{Plant, PlantError, plant};
 
-/// A simulated crane with drive, valve, sensors and fieldbus. A clone continues from the same state.
+/// Virtual crane: a simulated crane with drive, pump, valve, sensors and fieldbus. A clone continues from the same
+/// state.
+///
+/// ```
+/// use hydroboom_control::command::AxisCommand;
+/// use hydroboom_description::Description;
+/// use hydroboom_virtual_crane::VirtualCrane;
+///
+/// let description = Description::uia_virtual()?;
+/// let mut crane = VirtualCrane::new(&description, &description.start(0.25))?;
+/// let held = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
+/// for _ in 0..50 {
+///     crane.advance(&held)?;
+/// }
+/// // with the load-holding valves shut the piston stays within a millimetre
+/// assert!((crane.truth().outputs.stroke - 0.25).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct VirtualCrane {
     plant: Box<dyn Plant>,
     /// Current outputs of the plant.
@@ -31,7 +48,7 @@ impl Clone for VirtualCrane {
 }
 
 impl VirtualCrane {
-    /// A crane in equilibrium at `start`; the 3/2 valve is energised unless the pump sides carry no load.
+    /// Virtual crane in equilibrium at `start`. The 3/2 valve is energised unless the pump sides are without preload.
     ///
     /// # Errors
     ///
@@ -54,12 +71,12 @@ impl VirtualCrane {
         self
     }
 
-    /// Signals that have arrived at the controller over the fieldbus.
+    /// Measured signals in SI units, speeds in rev/s, as they have arrived at the controller over the fieldbus.
     pub fn signals(&self) -> AxisSignals<f64> {
         self.equipment.signals()
     }
 
-    /// The same signals with their sequence number and sampling time.
+    /// Measurement that has arrived at the controller: signals, sequence number and sampling time.
     pub fn measurement(&self) -> Measurement {
         self.equipment.measurement()
     }
@@ -115,7 +132,8 @@ impl VirtualCrane {
         Ok(())
     }
 
-    /// Replaces the description during the run, for example by one with a burst line. The number of segments must stay.
+    /// Replaces the description during the run, for example by one with a burst line. The number of segments must not
+    /// change.
     ///
     /// # Errors
     ///

@@ -3,7 +3,7 @@
 use hydroboom_description::schema::KEYS;
 use hydroboom_description::{Description, DescriptionError};
 
-/// One effect of the virtual crane.
+/// Effect of a real crane beyond the published model, which can be switched off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// More than three segments.

@@ -55,12 +55,12 @@ impl<const W: usize> Fleet<W> {
         Ok(Some(Self { plants, outputs, steps, equipment, stopped: [None; W] }))
     }
 
-    /// Signals that have arrived at the controller of one crane.
+    /// Measured signals of one crane in SI units, speeds in rev/s, as they have arrived at its controller.
     pub fn signals(&self, lane: usize) -> AxisSignals<f64> {
         self.equipment[lane].signals()
     }
 
-    /// The same signals with their sequence number and sampling time.
+    /// Measurement that has arrived at the controller of one crane: signals, sequence number and sampling time.
     pub fn measurement(&self, lane: usize) -> Measurement {
         self.equipment[lane].measurement()
     }

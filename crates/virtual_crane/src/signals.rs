@@ -5,19 +5,19 @@ use hydroboom_model::Outputs;
 /// True quantities without sensor errors and delay, for evaluation only; no controller may use them.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
-    /// Outputs of the plant model.
+    /// Outputs of the plant model; pressures are gauge.
     pub outputs: Outputs<f64>,
     /// Motor speed \[rev/s\].
     pub motor_speed: f64,
-    /// Load torque of the pump on the motor \[N·m\].
+    /// Load torque of the pump on the motor, positive where it brakes positive speed \[N·m\].
     pub motor_torque: f64,
-    /// Position of the pilots, 0 to 1.
+    /// Position of the load-holding valves' pilots \[1\]: 0 shut, 1 open.
     pub pilot: f64,
     /// Oil temperature \[°C\].
     pub oil_temperature: f64,
     /// Power dissipated as heat \[W\].
     pub heat: f64,
-    /// Transition pressure of the piston side's oil, with its temperature and dissolved air \[Pa\].
+    /// Transition pressure p_c1 of the piston side's oil, with its temperature and dissolved air \[Pa\].
     pub transition_pressure: f64,
 }
 
@@ -25,10 +25,10 @@ impl Truth {
     /// Names of the quantities beyond the plant's outputs.
     pub const NAMES: [&str; 5] =
         ["motor_speed", "motor_torque_nm", "pilot", "oil_temperature_c", "heat_w"];
-    /// Their units; empty where the name ends with the unit.
+    /// Units of these quantities; empty where the name ends with the unit.
     pub const UNITS: [&str; 5] = ["rev/s", "", "", "", ""];
 
-    /// Their meanings.
+    /// Meanings of these quantities.
     pub const MEANINGS: [&str; 5] = [
         "Motor speed",
         "Load torque of the pump on the motor",

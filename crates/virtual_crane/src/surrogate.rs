@@ -22,7 +22,7 @@ pub fn surrogate(model: &Description) -> Description {
     machine
 }
 
-/// Sum of the fieldbus delays of command and reading \[s\]; the typical one if the crane file has none.
+/// Sum of the fieldbus delays of command and measurement \[s\]; the typical one if the crane file has none.
 pub fn fieldbus_delay(model: &Description) -> f64 {
     let n = model.virtual_crane().0.numbers;
     2.0 * n.fieldbus_delay.round() * n.control_period

@@ -9,53 +9,55 @@
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Settings of the identification.
+    /// Settings of the recursive least-squares identification of the drive.
     pub struct DriveIdentification<T> {
-        /// Time constant of forgetting
+        /// Time constant of exponential forgetting
         #[unit = "s"]
         pub memory: T,
-        /// Noise of the motor speed that is read
+        /// Standard deviation of the noise of the measured motor speed
         #[unit = "rev/s"]
         pub speed_noise: T,
-        /// Largest standard deviation of the coefficient, and that at the start
+        /// Largest standard deviation of the lag's coefficient g, and its standard deviation at the start
         #[unit = "1"]
         pub largest_deviation: T,
-        /// Smallest coefficient
+        /// Smallest lag coefficient g
         #[unit = "1"]
         pub smallest: T,
-        /// Largest coefficient
+        /// Largest lag coefficient g
         #[unit = "1"]
         pub largest: T,
     }
 }
 
 record! {
-    /// The identified lag.
+    /// Identified first-order lag of the drive.
     pub struct DriveLag<T> {
-        /// Share of the way to its command that the motor's speed goes in a control period, g
+        /// Lag coefficient g: share of the difference between command and motor speed that is made up in a control
+        /// period
         #[unit = "1"]
         pub coefficient: T,
-        /// Its variance
+        /// Variance of the lag coefficient g
         #[unit = "1"]
         pub variance: T,
     }
 }
 
 impl<T: Real> DriveLag<T> {
-    /// Motor speed \[rev/s\] a period later, commanded `command` \[rev/s\], within a slew rate of `slew` \[rev/s\] a period.
+    /// Motor speed \[rev/s\] one control period later for a command \[rev/s\]; it changes by at most `slew` \[rev/s\]
+    /// in the period.
     #[inline(always)]
     pub fn next(&self, speed: T, command: T, slew: T) -> T {
         let next = self.coefficient.mul_add(command - speed, speed);
         next.clamp(speed - slew, speed + slew)
     }
 
-    /// Time constant \[s\] of the lag, τ = −T/ln(1 − g).
+    /// Time constant of the lag, τ = −T/ln(1 − g) \[s\], for a control period T \[s\].
     #[inline(always)]
     pub fn time_constant(&self, period: T) -> T {
         -period / (T::one() - self.coefficient).ln()
     }
 
-    /// Time \[s\] by which the motor's speed follows a ramp of its command late, T/g.
+    /// Delay of the motor speed behind a ramp of its command, T/g \[s\], for a control period T \[s\].
     #[inline(always)]
     pub fn ramp_delay(&self, period: T) -> T {
         period / self.coefficient
@@ -63,14 +65,17 @@ impl<T: Real> DriveLag<T> {
 }
 
 impl<T: Real> DriveIdentification<T> {
-    /// A lag that is known to be about `coefficient` \[1\].
+    /// Lag with the prior coefficient g \[1\], clamped to the allowed range, with the largest standard deviation.
     pub fn start(&self, coefficient: T) -> DriveLag<T> {
         let coefficient = coefficient.clamp(self.smallest, self.largest);
         DriveLag { coefficient, variance: self.largest_deviation.square() }
     }
 
-    /// Update by a motor speed \[rev/s\] measured one period after another, with `command` \[rev/s\]
-    /// commanded between. `is_informative` is false where the motor was at its torque or slew limit.
+    /// Updates the lag from two consecutive measured motor speeds `before` and `now` \[rev/s\], with `command`
+    /// \[rev/s\] in effect between them.
+    ///
+    /// `period` is the control period \[s\]. The lag stays unchanged where `is_informative` is false, as at the
+    /// motor's torque or slew limit.
     #[inline(always)]
     pub fn update(
         &self,

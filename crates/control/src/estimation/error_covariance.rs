@@ -1,8 +1,8 @@
-//! Error covariance of the filter's estimates, with the parameters that the filter assumes to be exact.
+//! Error covariance of the filter with consider parameters (Schmidt-Kalman analysis).
 //!
-//! The filter's own covariance P gives its gain K. It assumes exact parameters of the reduced model, and a
-//! load that hardly changes. The error covariance takes K as given, and follows the errors e of the states
-//! together with those of consider parameters c, which are constant and never estimated:
+//! The filter's own covariance P gives its gain K; it takes the parameters of the reduced model for exact, and a load
+//! for one that hardly changes. The error covariance takes K as given, and follows the errors e of the states together
+//! with those of consider parameters c, which are constant and never estimated:
 //!
 //! ```text
 //! e⁻ = F e + G c + w,   e = e⁻ − K (H e⁻ + H_c c + v)
@@ -10,42 +10,44 @@
 //!
 //! The estimator reports this covariance. It changes no estimate.
 //!
-//! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (consider parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
-//! 1974, chapter 7 (covariance of a filter whose gain is given).
+//! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (consider parameters); A.
+//! Gelb (ed.), *Applied Optimal Estimation*, 1974, chapter 7 (covariance of a filter whose gain is given).
 
 use super::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_math::{Dual, Real, record};
 
 record! {
-    /// Parameters that the filter assumes to be exact, as a standard deviation of each.
+    /// Standard deviations of the consider parameters: parameters of the reduced model that the filter treats as
+    /// exact.
     pub struct ConsideredParameters<T> {
         /// Coulomb friction over the piston's area, p_C
         #[unit = "Pa"]
         pub coulomb: T,
-        /// Viscous friction over the piston's area, p_v
+        /// Viscous friction coefficient over the piston's area, p_v
         #[unit = "Pa s/m"]
         pub viscous: T,
-        /// Oil that a revolution delivers, D
+        /// Volume delivered per revolution of the pump, D
         #[unit = "m³/rev"]
         pub displacement: T,
-        /// Equivalent mass, as a factor on that of the model
+        /// Equivalent mass, as a factor on that of the reduced model
         #[unit = "1"]
         pub equivalent_mass: T,
-        /// Lag of the position sensor
+        /// Time constant of the position sensor
         #[unit = "s"]
         pub sensor_lag: T,
     }
 }
 
-/// Parameters that are considered.
+/// Number of consider parameters.
 pub const CONSIDERED: usize = ConsideredParameters::NAMES.len();
-/// States, and after them the consider parameters.
+/// Number of errors in the error covariance: states, then consider parameters.
 pub const ERRORS: usize = STATES + CONSIDERED;
 
-/// A covariance of N errors, rows first; the first of them are those of the states.
+/// Covariance matrix of `N` errors, by rows; the first [`STATES`] of them are those of the states, in the order of
+/// [`MachineState`]. Units are products of the states' units.
 pub type Covariance<T, const N: usize = STATES> = [[T; N]; N];
 
-/// The model with the consider parameters as variables: its slopes are those by the states, and after them by these.
+/// Reduced model with dual numbers whose derivatives are by states, then by the consider parameters.
 pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T, ERRORS>> {
     let variable = |value: T, parameter: usize| Dual::variable(value, STATES + parameter);
     let exact = model.map(Dual::constant);
@@ -61,8 +63,8 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
     }
 }
 
-/// Model and state with the states and the consider parameters as variables: results have derivatives by
-/// these.
+/// Reduced model and state as independent variables: dual numbers with derivatives by states, then by the consider
+/// parameters.
 pub fn as_variables<T: Real>(
     model: &ReducedModel<T>,
     estimate: &MachineState<T>,
@@ -72,7 +74,8 @@ pub fn as_variables<T: Real>(
     (with_considered(model), z)
 }
 
-/// Standard deviation of a function of numbers with covariance P by its slopes: σ² = ∇h P ∇hᵀ.
+/// Standard deviation σ of a scalar function h of the states by first-order propagation, σ² = ∇h P ∇hᵀ. `slopes` is
+/// ∇h.
 pub fn output_deviation<T: Real, const N: usize>(p: &Covariance<T, N>, slopes: &[T; N]) -> T {
     let variance = p.iter().zip(slopes).fold(T::zero(), |sum, (row, slope)| {
         let product = row.iter().zip(slopes).fold(T::zero(), |sum, (p, s)| p.mul_add(*s, sum));
@@ -81,14 +84,15 @@ pub fn output_deviation<T: Real, const N: usize>(p: &Covariance<T, N>, slopes: &
     variance.max(T::zero()).sqrt()
 }
 
-/// Independent errors of given standard deviations.
+/// Diagonal covariance matrix of independent errors with these standard deviations.
 pub fn independent<T: Real, const N: usize>(deviations: &[T; N]) -> Covariance<T, N> {
     core::array::from_fn(|i| {
         core::array::from_fn(|j| if i == j { deviations[i].square() } else { T::zero() })
     })
 }
 
-/// A period on: `J P Jᵀ`, `rows` being those of the states in J; the entries after the states are constant.
+/// Covariance one control period later, `J P Jᵀ`. `rows` are the rows of the Jacobian J for the states; its remaining
+/// rows are those of the identity.
 #[inline(always)]
 pub fn propagated<T: Real, const N: usize>(
     p: &Covariance<T, N>,
@@ -112,8 +116,10 @@ pub fn propagated<T: Real, const N: usize>(
     product
 }
 
-/// After one measured number by Joseph's form, which holds for any gain K and is expanded for one number: `P − K (H P) − (P Hᵀ) Kᵀ + K S Kᵀ`, with `shared` being
-/// `P Hᵀ`, and `s` the innovation's variance S.
+/// Measurement update of a covariance by one scalar measurement in Joseph's form, valid for any gain K.
+///
+/// Computes `P − K (H P) − (P Hᵀ) Kᵀ + K S Kᵀ`. `gain` is K, `shared` is `P Hᵀ`, and `s` is the variance S of the
+/// innovation.
 #[inline(always)]
 pub fn corrected<T: Real, const N: usize>(
     p: &mut Covariance<T, N>,
@@ -131,7 +137,8 @@ pub fn corrected<T: Real, const N: usize>(
     }
 }
 
-/// Scales the errors at some places so that none has more than its largest variance.
+/// Limits variances: scales rows and columns so that no variance exceeds its limit. `most` has pairs of index and
+/// largest variance.
 #[inline(always)]
 pub fn limit<T: Real, const N: usize>(p: &mut Covariance<T, N>, most: &[(usize, T)]) {
     for (place, most) in most {

@@ -1,4 +1,5 @@
-//! Extended Kalman filter of the machine: states, unknown inputs and parameters of the [reduced model](super::reduced_model).
+//! Extended Kalman filter of the machine: states, unknown inputs and parameters of the [reduced
+//! model](super::reduced_model).
 //!
 //! Per control period: prediction `ẑ = f(ẑ, n)`, `P = F P Fᵀ + Q` with the exact Jacobian F by dual
 //! numbers. Then correction by position and load pressure, one after the other: innovation ν, variance `S =
@@ -6,8 +7,8 @@
 //! the [error covariance](super::error_covariance) includes the parameters that the filter assumes to be
 //! exact; the estimator reports it.
 //!
-//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968
-//! (covariance). A load change is detected by the [innovation test](super::innovation_test).
+//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968 (covariance). A load
+//! change is told by the [innovation test](super::innovation_test).
 
 use super::error_covariance::{
     ConsideredParameters, Covariance, ERRORS, corrected, independent, limit, propagated,
@@ -28,88 +29,92 @@ const SENSOR_LAG: usize = ERRORS - 1;
 /// States that are parameters, or nearly so.
 const PARAMETERS: [usize; 3] = [UNKNOWN_FLOW, PAYLOAD, TRANSITION_PRESSURE];
 
-/// Settings of the filter.
+/// Extended Kalman filter of the reduced model: its settings. The state is an [`EstimatorState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExtendedKalmanFilter<T> {
-    /// The model.
+    /// Reduced model of the machine.
     pub model: ReducedModel<T>,
-    /// Standard deviations before anything is measured.
+    /// Initial standard deviation of each state.
     pub initial_deviation: MachineState<T>,
-    /// Process noise: standard deviation by which each changes in a second; that of the load pressure comes from the flow's.
+    /// Process noise: standard deviation of each state's random walk after one second, in the state's unit. That of
+    /// the load pressure follows from [`flow_ripple`](Self::flow_ripple).
     pub process_noise: MachineState<T>,
-    /// Process noise of the delivered flow, as a motor speed: standard deviation of its integral over a second \[rev\].
+    /// Process noise of the pump's delivered flow, as a motor speed: standard deviation of its integral after one
+    /// second \[rev\].
     pub flow_ripple: T,
-    /// Smallest and largest values that are possible.
+    /// Smallest possible value of each state.
     pub lowest: MachineState<T>,
-    /// Largest values that are possible.
+    /// Largest possible value of each state.
     pub highest: MachineState<T>,
-    /// Standard deviation of measured position \[m\] and load pressure \[Pa\]: sensors, and the model's
-    /// error.
+    /// Standard deviations of the measurements: piston position \[m\] and load pressure \[Pa\]. They cover sensor
+    /// noise and unmodelled dynamics.
     pub measurement_noise: [T; 2],
-    /// Averaging time of the measured noise \[s\].
+    /// Time constant of the estimation of measurement noise \[s\].
     pub noise_memory: T,
-    /// Velocity \[m/s\] of the load below which the oil's transition pressure has no process noise, so that its variance does not grow unexcited.
+    /// Load velocity \[m/s\] below which the oil's transition pressure has no process noise, so that its variance
+    /// does not grow without excitation.
     pub excitation_velocity: T,
-    /// Time of inconsistent innovations after which the filter has diverged \[s\].
+    /// Duration of inconsistent innovations after which the filter counts as diverged \[s\].
     pub divergence_time: T,
-    /// Lag of the position sensor \[s\].
+    /// Time constant of the position sensor \[s\].
     pub sensor_lag: T,
     /// Standard deviations of the consider parameters.
     pub considered: ConsideredParameters<T>,
-    /// Standard deviation of the payload's moment arm, over the arm \[1\]: considered, not estimated. Pressure shows the load's moment.
+    /// Relative standard deviation of the payload's moment arm \[1\]; considered, not estimated, because pressures
+    /// show only the moment of the load.
     pub payload_arm: T,
-    /// Standard deviation of a payload that has changed \[kg\]: it may be any.
+    /// Standard deviation of the payload after a detected load change \[kg\].
     pub payload_change: T,
-    /// Standard deviation of a force that has changed, over the piston's area \[Pa\]: it may be as large as that of a payload.
+    /// Standard deviation of the unknown force over the piston's area after a detected load change \[Pa\].
     pub force_change: T,
-    /// Largest variance of the payload in the filter, over that at the start \[1\].
+    /// Largest variance of the payload in the filter, relative to its initial variance \[1\].
     pub payload_variance_limit: T,
-    /// Innovation test.
+    /// Innovation test, which detects load changes.
     pub innovation_test: InnovationTest<T>,
     /// Control period \[s\].
     pub period: T,
 }
 
 record! {
-    /// Measurements of a period.
+    /// Measurements of one control period for the filter.
     pub struct EstimatorInput<T> {
         /// Piston position
         #[unit = "m"]
         pub position: T,
-        /// 1 where the position is good, 0 where it is absent, out of range or stale
+        /// 1 where the position is valid, 0 where it is absent, out of range or stale
         #[unit = "1"]
         pub position_is_good: T,
         /// Load pressure
         #[unit = "Pa"]
         pub load_pressure: T,
-        /// 1 where both pressures are good, 0 where one is not
+        /// 1 where both cylinder pressures are valid, 0 where one is not
         #[unit = "1"]
         pub load_pressure_is_good: T,
-        /// Piston-side pressure beyond the load pressure, (A_r/A_p) p_B
+        /// Part of the piston-side pressure that balances the rod side, (A_r/A_p) p_B
         #[unit = "Pa"]
         pub rod_side_term: T,
-        /// Mean motor speed since the last period
+        /// Mean motor speed over the last control period
         #[unit = "rev/s"]
         pub motor_speed: T,
     }
 }
 
-/// State of the filter.
+/// State of the extended Kalman filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimatorState<T> {
-    /// Estimates.
+    /// State estimates.
     pub estimate: MachineState<T>,
-    /// The filter's covariance, which gives its gain.
+    /// Covariance P of the filter, which determines its gain.
     pub covariance: Covariance<T>,
     /// Error covariance of the estimates and of the consider parameters.
     pub errors: Covariance<T, ERRORS>,
-    /// Mean of the normalised innovations squared \[1\].
+    /// Low-pass filtered normalised innovation squared \[1\]; about 1 for a consistent filter.
     pub mean_nis: T,
-    /// For how long the innovations have been inconsistent \[s\].
+    /// Duration for which the innovations have been inconsistent \[s\].
     pub inconsistent_time: T,
-    /// Innovations of position \[m\] and load pressure \[Pa\] of the last period.
+    /// Innovations of position \[m\] and load pressure \[Pa\] in the last control period.
     pub innovation: [T; 2],
-    /// Normalised innovations squared \[1\] of the last period.
+    /// Normalised innovations squared (NIS) of position and load pressure in the last control period \[1\].
     pub nis: [T; 2],
     /// Measured noise of position and load pressure.
     noise: [NoiseEstimate<T>; 2],
@@ -131,7 +136,7 @@ impl<T: Copy> Memory<T> for EstimatorState<T> {
 }
 
 impl<T: Real> EstimatorState<T> {
-    /// `yes` where `mask` holds, `no` elsewhere.
+    /// Element-wise selection: `yes` where `mask` holds, else `no`.
     #[must_use]
     pub fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
         let pick = |yes: T, no: T| T::select(mask, yes, no);
@@ -155,7 +160,7 @@ impl<T: Real> EstimatorState<T> {
 }
 
 impl<T: Real> ExtendedKalmanFilter<T> {
-    /// The same filter over another number.
+    /// Converts every setting to another number type by `f`.
     pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> ExtendedKalmanFilter<U> {
         ExtendedKalmanFilter {
             model: self.model.map(f),
@@ -179,22 +184,23 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         }
     }
 
-    /// Standard deviations of the estimates, by the error covariance, and of the payload by its moment arm besides.
+    /// Standard deviations of the estimates by the error covariance; that of the payload includes its moment arm.
     pub fn deviation(&self, state: &EstimatorState<T>) -> MachineState<T> {
         let variance = |i: usize| state.errors[i][i].max(T::zero());
         let of_errors = MachineState::from_array(core::array::from_fn(|i| variance(i).sqrt()));
         MachineState { payload: self.payload_deviation(state), ..of_errors }
     }
 
-    /// Standard deviation of the payload \[kg\]: the error covariance is that of a load at the crane file's
-    /// centre of mass. An error of the moment arm is one of the payload by the same share, for all
-    /// measurements.
+    /// Standard deviation of the estimated payload \[kg\], including the uncertainty of its moment arm.
+    ///
+    /// The error covariance assumes the crane file's centre of mass. A relative error of the moment arm is the same
+    /// relative error of the payload.
     pub fn payload_deviation(&self, state: &EstimatorState<T>) -> T {
         let by_arm = self.payload_arm * state.estimate.payload;
         (state.errors[PAYLOAD][PAYLOAD].max(T::zero()) + by_arm.square()).sqrt()
     }
 
-    /// At rest at the measured position: the load pressure is attributed to the weight.
+    /// Initial state of a machine at rest: the payload follows from the measured load pressure.
     pub fn start(&self, measured: &EstimatorInput<T>) -> EstimatorState<T> {
         let zero = T::zero();
         let payload = self.model.payload_at_rest(measured.position, measured.load_pressure);
@@ -227,14 +233,14 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         }
     }
 
-    /// One control period: prediction, then correction.
+    /// One control period: prediction, then correction by the measurements.
     pub fn update(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         let never = T::one().lt(T::zero());
         self.update_frozen(state, measured, never);
     }
 
-    /// The same, with unknown flow and transition pressure considered and not estimated where `is_frozen` holds: their gain is zero, and their variances do
-    /// not fall.
+    /// One control period as [`update`](Self::update), but without estimation of unknown flow and transition pressure
+    /// where `is_frozen` holds: their gain is zero, and their variances do not fall.
     pub fn update_frozen(
         &self,
         state: &mut EstimatorState<T>,
@@ -245,9 +251,10 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         self.correct(state, measured, is_frozen);
     }
 
-    /// One control period in which valves hold the load: nothing moves, position and load pressure are as
-    /// measured, the payload may change. The estimates of unknown flow and oil remain, since they are not
-    /// observable.
+    /// One control period with the load-holding valves shut: position and load pressure are as measured, the velocity
+    /// is zero, and the payload is estimated anew.
+    ///
+    /// Unknown flow, transition pressure and their covariance stay, since they are not observable.
     pub fn hold(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         let anew = self.start(measured);
         let keep = |i: usize| (PARAMETERS.contains(&i) && i != PAYLOAD) || i >= STATES;
@@ -261,7 +268,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         *state = EstimatorState { estimate, covariance, errors, ..anew };
     }
 
-    /// Whether measurements have contradicted the filter for longer than the divergence time.
+    /// Whether the innovations have been inconsistent for longer than the divergence time.
     pub fn has_diverged(&self, state: &EstimatorState<T>) -> T::Mask {
         self.divergence_time.lt(state.inconsistent_time)
     }
@@ -309,7 +316,10 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         limit(&mut state.errors, &most(self.payload_change.square()));
     }
 
-    /// The state a period later with the motor turning at a mean speed \[rev/s\], and its Jacobian by state and consider parameters, exact by dual numbers.
+    /// State one control period later at a mean motor speed \[rev/s\], and the rows of its Jacobian by states and
+    /// consider parameters, exact by dual numbers.
+    ///
+    /// `rod_side_term` is (A_r/A_p) p_B \[Pa\].
     pub fn transition(
         &self,
         z: &MachineState<T>,
@@ -329,7 +339,10 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         (next.map(|dual| dual.value), next.to_array().map(|dual| dual.slope))
     }
 
-    /// Position and load pressure that are read, by load position, velocity and load pressure: `x − τ x'` of the piston at x = y + γ p, with τ the sensor's lag.
+    /// Measurement matrix: rows of position and load pressure, columns of load position, load velocity and load
+    /// pressure.
+    ///
+    /// The position sensor reads `x − τ x'` of the piston at x = y + γ p, with the sensor's time constant τ.
     pub fn measurement_rows(&self, at: &OperatingPoint<T>) -> [[T; 3]; 2] {
         let (zero, one) = (T::zero(), T::one());
         [[one, -self.sensor_lag, at.compliance], [zero, zero, one]]
@@ -403,7 +416,8 @@ fn retain_block<T: Real, const N: usize>(
     })
 }
 
-/// Covariance of each error with a measured number, `P Hᵀ`: by position, velocity, load pressure, and the considered lag.
+/// Covariance of each error with a measured number, `P Hᵀ`: by position, velocity, load pressure, and the considered
+/// lag.
 #[inline(always)]
 fn cross_covariance<T: Real, const N: usize>(
     p: &Covariance<T, N>,

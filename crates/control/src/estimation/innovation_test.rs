@@ -1,36 +1,37 @@
 //! Innovation test: normalised innovations squared (NIS), which distinguish a load change from noise.
 //!
-//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, sections 5.4 and 11.6.
+//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001,
+//! sections 5.4 and 11.6.
 
 use hydroboom_math::{Real, record};
 
 record! {
     /// Settings of the innovation test.
     pub struct InnovationTest<T> {
-        /// Time constant of the mean of normalised innovations squared
+        /// Time constant of the low-pass filter of the normalised innovations squared
         #[unit = "s"]
         pub time_constant: T,
-        /// Mean above which a load has changed; without change it is about 1
+        /// Mean NIS above which a load change is suspected; about 1 without change
         #[unit = "1"]
         pub threshold: T,
-        /// Mean above which the innovations are not explained
+        /// Mean NIS above which the innovations count as inconsistent with the model
         #[unit = "1"]
         pub inconsistent: T,
-        /// Mean from which a change is certain
+        /// Mean NIS from which a load change is certain
         #[unit = "1"]
         pub certain: T,
     }
 }
 
 impl<T: Real> InnovationTest<T> {
-    /// The mean \[1\] after one more normalised innovation squared \[1\], `since` \[s\] after the last one.
+    /// Mean NIS \[1\] after another normalised innovation squared `nis` \[1\], `since` \[s\] after the last one.
     #[inline(always)]
     pub fn update(&self, mean: T, nis: T, since: T) -> T {
         let share = (since / self.time_constant).min(T::one());
         share.mul_add(nis - mean, mean)
     }
 
-    /// Inconsistency by a mean NIS \[1\]: 0 up to the threshold, rising linearly to 1 where a change is
+    /// Degree of a load change by the mean NIS \[1\]: 0 up to the threshold, rising linearly to 1 where a change is
     /// certain.
     #[inline(always)]
     pub fn inconsistency(&self, mean: T) -> T {
@@ -38,7 +39,7 @@ impl<T: Real> InnovationTest<T> {
         above.clamp(T::zero(), T::one())
     }
 
-    /// Whether the innovations are explained.
+    /// Whether a mean NIS \[1\] is consistent with the model.
     #[inline(always)]
     pub fn is_consistent(&self, mean: T) -> T::Mask {
         mean.lt(self.inconsistent)

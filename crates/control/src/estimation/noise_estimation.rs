@@ -5,31 +5,31 @@
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Estimated noise of one signal.
+    /// Running estimate of the measurement noise of one signal.
     pub struct NoiseEstimate<T> {
-        /// Variance, in the signal's unit squared
+        /// Variance of the noise, in the signal's unit squared
         #[unit = "1"]
         pub variance: T,
-        /// The last value
+        /// Last value of the signal
         #[unit = "1"]
         pub last: T,
-        /// The value before
+        /// Value of the signal before the last
         #[unit = "1"]
         pub before: T,
-        /// Good values in succession, up to two
+        /// Number of consecutive valid values, up to 2
         #[unit = "1"]
         pub good: T,
     }
 }
 
 impl<T: Real> NoiseEstimate<T> {
-    /// Of a signal that has long had a value.
+    /// Initial estimate of a signal that has been constant at `value`: zero variance.
     pub fn start(value: T) -> Self {
         Self { variance: T::zero(), last: value, before: value, good: T::lit(2.0) }
     }
 
-    /// One more value, `share` \[1\] being the period over the averaging time. A value that is not valid is
-    /// not used, nor are the two after it.
+    /// Updates the estimate by a value of the signal. `share` \[1\] is the control period over the averaging time. An
+    /// invalid value has no effect on the variance, and neither have the two values after it.
     #[inline(always)]
     pub fn update(&mut self, value: T, is_good: T::Mask, share: T) {
         let difference = value - self.last - (self.last - self.before);

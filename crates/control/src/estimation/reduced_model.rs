@@ -1,4 +1,5 @@
-//! Reduced model of the machine for estimation and control: a load on boom and oil in series, with pre-sliding friction.
+//! Reduced model of the machine for estimation and control: a load on boom and oil in series, with pre-sliding
+//! friction.
 //!
 //! ```text
 //! y' = w                                              load, in the piston's travel; the piston is at x = y + γ p
@@ -14,13 +15,13 @@
 use hydroboom_math::{Real, record};
 use hydroboom_model::hydraulics::Oil;
 
-/// Coefficients of a polynomial over the stroke.
+/// Number of coefficients of a [`Polynomial`] over the stroke.
 pub const COEFFICIENTS: usize = 6;
-/// States of the machine, its disturbances and its parameters.
+/// Number of states: motion, unknown inputs and estimated parameters.
 pub const STATES: usize = 8;
 
 record! {
-    /// States that move, unknown inputs, and parameters.
+    /// State vector of the estimator: motion, unknown inputs and parameters.
     pub struct MachineState<T> {
         /// Position of the load in the piston's travel, y
         #[unit = "m"]
@@ -49,23 +50,23 @@ record! {
     }
 }
 
-/// Place of each state in the order of [`MachineState`].
+/// Index of each state in the order of [`MachineState`].
 pub mod state_index {
-    /// Position of the load.
+    /// Index of the load's position.
     pub const POSITION: usize = 0;
-    /// Velocity of the load.
+    /// Index of the load's velocity.
     pub const VELOCITY: usize = 1;
-    /// Load pressure.
+    /// Index of the load pressure.
     pub const LOAD_PRESSURE: usize = 2;
-    /// Pre-sliding friction.
+    /// Index of the pre-sliding friction.
     pub const FRICTION: usize = 3;
-    /// Unknown force.
+    /// Index of the unknown force.
     pub const DISTURBANCE: usize = 4;
-    /// Unknown flow.
+    /// Index of the unknown flow.
     pub const UNKNOWN_FLOW: usize = 5;
-    /// Mass of the payload.
+    /// Index of the payload.
     pub const PAYLOAD: usize = 6;
-    /// Transition pressure of the oil.
+    /// Index of the oil's transition pressure.
     pub const TRANSITION_PRESSURE: usize = 7;
 }
 
@@ -85,64 +86,67 @@ fn slope<T: Real>(polynomial: &Polynomial<T>, at: T) -> T {
     terms.fold(T::zero(), |sum, (k, c)| sum.mul_add(at, *c * T::lit(k as f64)))
 }
 
-/// Parameters of the reduced model; those of the payload and the oil's transition are states.
+/// Parameters of the reduced model; payload and transition pressure are states instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReducedModel<T> {
-    /// Half the stroke \[m\].
+    /// Half the stroke length \[m\].
     pub half_stroke: T,
-    /// Load pressure that holds the empty boom \[Pa\], and that holds a kilogram of payload \[Pa/kg\]: p_0 = P_0 + P_1 m.
+    /// Coefficients of the load pressure at rest, p_0 = P_0 + P_1 m: of the empty boom \[Pa\] and per mass of payload
+    /// \[Pa/kg\].
     pub holding_pressure: [Polynomial<T>; 2],
-    /// Equivalent mass over the piston's area, of the boom \[Pa s²/m\] and of a kilogram of payload: 1/a_p = M_0 + M_1 m.
+    /// Coefficients of the equivalent mass over the piston's area, 1/a_p = M_0 + M_1 m: of the boom \[Pa s²/m\] and
+    /// per mass of payload \[Pa s²/(m kg)\].
     pub equivalent_mass: [Polynomial<T>; 2],
-    /// Boom compliance γ over the piston position, of the payload: γ = (C_0 + C_1 m + C_2 m²) a_p².
+    /// Coefficients of the boom compliance γ = (C_0 + C_1 m + C_2 m²) a_p² \[m/Pa\], with the payload m \[kg\] and
+    /// a_p \[m/(s² Pa)\].
     pub compliance: [Polynomial<T>; 3],
-    /// Viscous friction over the piston's area, p_v \[Pa s/m\].
+    /// Viscous friction coefficient over the piston's area, p_v \[Pa s/m\].
     pub viscous: T,
     /// Coulomb friction over the piston's area, p_C \[Pa\].
     pub coulomb: T,
-    /// Stiffness of the seals over the piston's area, σ \[Pa/m\].
+    /// Pre-sliding stiffness of the seals over the piston's area, σ \[Pa/m\].
     pub presliding_stiffness: T,
-    /// Velocity \[m/s\] at which friction has turned in the model of the crane file.
+    /// Velocity over which friction changes its sign in the model of the crane file \[m/s\].
     pub sliding_velocity: T,
-    /// The oil; its transition pressure is a state.
+    /// Oil; its transition pressure is a state instead.
     pub oil: Oil<T>,
-    /// Oil volume on piston and pump side with the piston at the lower stop, V_0 \[m³\].
+    /// Oil volume on piston side and pump side with the piston at its lower stop, V_0 \[m³\].
     pub volume: T,
     /// Piston area, A \[m²\].
     pub piston_area: T,
-    /// Oil that a revolution delivers, D \[m³/rev\].
+    /// Volume delivered per revolution of the pump, D \[m³/rev\].
     pub displacement: T,
-    /// Leakage as a motor speed by the root of the pressure \[rev/(s √Pa)\].
+    /// Leakage as a motor speed, per square root of the load pressure \[rev/(s √Pa)\].
     pub leakage: T,
-    /// Time constant of the decay of an unknown force \[s\]; a longer one is attributed to payload.
+    /// Time constant with which an unknown force decays \[s\]; a longer lasting force counts as payload.
     pub disturbance_time: T,
-    /// Heaviest payload that is thought of \[kg\].
+    /// Largest payload that is estimated \[kg\].
     pub maximum_payload: T,
 }
 
 record! {
-    /// The reduced model's coefficients at a piston position and a payload.
+    /// Coefficients of the reduced model at a piston position and a payload.
     pub struct OperatingPoint<T> {
         /// Load pressure at rest, p_0
         #[unit = "Pa"]
         pub holding_pressure: T,
-        /// Its slope along the stroke
+        /// Derivative of the load pressure at rest by the piston position
         #[unit = "Pa/m"]
         pub holding_slope: T,
-        /// Acceleration by pressure, a_p
+        /// Acceleration per pressure, a_p
         #[unit = "m/(s² Pa)"]
         pub acceleration: T,
-        /// Boom compliance: how much farther out the piston is than the load, γ
+        /// Boom compliance γ: elastic piston travel relative to the load, per load pressure
         #[unit = "m/Pa"]
         pub compliance: T,
-        /// Oil volume, V
+        /// Oil volume on piston side and pump side, V
         #[unit = "m³"]
         pub volume: T,
     }
 }
 
 impl<T: Real> ReducedModel<T> {
-    /// The same model in another number type.
+    /// Converts every parameter to another number type by `f`.
     #[inline(always)]
     pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> ReducedModel<U> {
         let polynomial = |p: &Polynomial<T>| p.map(f);
@@ -165,7 +169,8 @@ impl<T: Real> ReducedModel<T> {
         }
     }
 
-    /// Coefficients at a piston position \[m\] and a payload \[kg\].
+    /// Coefficients at a piston position \[m\] and a payload \[kg\]; beyond the stroke, polynomials keep their value
+    /// at its end.
     #[inline(always)]
     pub fn at(&self, position: T, payload: T) -> OperatingPoint<T> {
         let one = T::one();
@@ -185,7 +190,8 @@ impl<T: Real> ReducedModel<T> {
         }
     }
 
-    /// Payload \[kg\] that rests at a load pressure \[Pa\], piston at `position` \[m\].
+    /// Payload \[kg\] in equilibrium with a load pressure \[Pa\] at a piston position \[m\], between 0 and the
+    /// largest payload.
     pub fn payload_at_rest(&self, position: T, load_pressure: T) -> T {
         let at = |payload: T| self.at(position, payload).holding_pressure;
         let empty = at(T::zero());
@@ -193,41 +199,42 @@ impl<T: Real> ReducedModel<T> {
         share.clamp(T::zero(), T::one()) * self.maximum_payload
     }
 
-    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\].
-    /// `rod_side_term` \[Pa\] is the piston-side pressure less the load pressure, (A_r/A_p) p_B.
+    /// Bulk modulus β \[Pa\] at a load pressure \[Pa\] and a transition pressure \[Pa\]. `rod_side_term` is (A_r/A_p)
+    /// p_B \[Pa\].
     #[inline(always)]
     pub fn bulk_modulus(&self, load_pressure: T, transition: T, rod_side_term: T) -> T {
         Oil { transition_pressure: transition, ..self.oil }
             .bulk_modulus(load_pressure + rod_side_term)
     }
 
-    /// Pressure by oil \[Pa/m³\] that flows in while the piston moves with the load: oil and boom in series.
+    /// Pressure change per inflow volume \[Pa/m³\] with the load at rest, oil and boom compliance in series.
     #[inline(always)]
     pub fn stiffness(&self, at: &OperatingPoint<T>, bulk_modulus: T) -> T {
         bulk_modulus / (at.compliance * self.piston_area).mul_add(bulk_modulus, at.volume)
     }
 
-    /// Motor speed \[rev/s\] that leaks away at a load pressure \[Pa\].
+    /// Leakage as a motor speed \[rev/s\] at a load pressure \[Pa\].
     #[inline(always)]
     pub fn leakage(&self, load_pressure: T) -> T {
         // the oil below a tenth of a bar is unknown
         self.leakage * load_pressure.max(T::lit(1e4)).sqrt()
     }
 
-    /// Revolutions of the pump in a metre of travel \[rev/m\].
+    /// Pump revolutions per piston travel, A/D \[rev/m\].
     #[inline(always)]
     pub fn revolutions_per_metre(&self) -> T {
         self.piston_area / self.displacement
     }
 
-    /// Piston position \[m\] of a state.
+    /// Piston position x = y + γ p \[m\] of a state.
     #[inline(always)]
     pub fn piston(&self, z: &MachineState<T>) -> T {
         let at = self.at(z.position, z.payload);
         at.compliance.mul_add(z.load_pressure, z.position)
     }
 
-    /// Piston velocity \[m/s\] of a state with the motor turning at a speed \[rev/s\], x' = w + d(γ p)/dt: the model's own rate of its piston position.
+    /// Piston velocity x' = w + d(γ p)/dt \[m/s\] of a state at a motor speed \[rev/s\]. `rod_side_term` is (A_r/A_p)
+    /// p_B \[Pa\].
     pub fn piston_velocity(&self, z: &MachineState<T>, motor_speed: T, rod_side_term: T) -> T {
         // so short that the step's own lag, half of it, is nothing; so long that a metre in f64 leaves 1e-9 m/s
         let moment = T::lit(1e-6);
@@ -245,14 +252,16 @@ impl<T: Real> ReducedModel<T> {
             + z.disturbance
     }
 
-    /// Acceleration of the load in the piston's travel \[m/s²\], w'.
+    /// Acceleration w' of the load \[m/s²\], in the piston's travel.
     pub fn acceleration(&self, z: &MachineState<T>) -> T {
         let at = self.at(z.position, z.payload);
         at.acceleration * (Self::excess_pressure(&at, z) - self.viscous * z.velocity)
     }
 
-    /// A step of `h` \[s\] with the motor turning at a mean speed \[rev/s\]: velocity linearly implicit in its own damping, position and pressure by the new
-    /// velocity, friction implicit.
+    /// State after a step `h` \[s\] at a mean motor speed \[rev/s\]. `rod_side_term` is (A_r/A_p) p_B \[Pa\].
+    ///
+    /// Linearly implicit: the velocity in its own damping, friction in itself; position and pressure use the new
+    /// velocity.
     #[inline(always)]
     pub fn step(
         &self,

@@ -1,9 +1,8 @@
-//! Parameters that a state estimator keeps from one start to the next, with their covariance. They are
-//! properties of the machine, not of its motion.
+//! Estimated machine parameters that are retained from one run to the next, with their covariance.
 //!
-//! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane
-//! file's) and the drive's lag are properties of machine and oil. Payload, unknown force and present
-//! friction are initialised as at any start.
+//! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane file's) and
+//! the drive's lag are properties of machine and oil. Payload, unknown force and friction of the moment begin anew:
+//! their spread is that of any start.
 
 use super::error_covariance::Covariance;
 use super::reduced_model::state_index::{TRANSITION_PRESSURE as TRANSITION, UNKNOWN_FLOW as FLOW};
@@ -11,13 +10,12 @@ use super::state_estimator::{StateEstimator, StateEstimatorState};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Parameters of a machine retained from one run to the next: oil, pump and drive, with the covariance
-    /// of their errors.
+    /// Estimated parameters of oil, pump and drive, with their error covariance, stored from one run to the next.
     pub struct RetainedParameters<T> {
         /// Unknown flow, as a motor speed
         #[unit = "rev/s"]
         pub unknown_flow: T,
-        /// Pressure at which the oil stiffens
+        /// Transition pressure of the oil, p_c1
         #[unit = "Pa"]
         pub transition_pressure: T,
         /// Variance of the unknown flow
@@ -29,17 +27,17 @@ record! {
         /// Variance of the transition pressure
         #[unit = "Pa2"]
         pub transition_variance: T,
-        /// Share of the way to its command that the motor's speed goes in a control period
+        /// Lag coefficient g of the drive
         #[unit = "1"]
         pub drive_coefficient: T,
-        /// Its variance
+        /// Variance of the lag coefficient g
         #[unit = "1"]
         pub drive_variance: T,
     }
 }
 
 impl<T: Real> RetainedParameters<T> {
-    /// Those of an estimator's state.
+    /// Retained parameters of an estimator's state.
     pub fn of(state: &StateEstimatorState<T>) -> Self {
         let filter = &state.filter;
         Self {
@@ -65,8 +63,8 @@ fn clear_shared<T: Real, const N: usize>(p: &mut Covariance<T, N>, clears: T::Ma
 }
 
 impl<T: Real> StateEstimator<T> {
-    /// Takes retained parameters where `mask` holds and all of them are numbers, limited to the estimated
-    /// ranges. The filter's own covariance, which gives its gain, is that of the errors too.
+    /// Restores retained parameters where `mask` holds and all of them are finite, clamped to the ranges of the
+    /// estimator. The filter's covariance of these parameters is set to their error covariance.
     pub fn restore(
         &self,
         state: &mut StateEstimatorState<T>,

@@ -1,4 +1,4 @@
-//! The machine's state when a command arrives: Kalman filter, identified drive lag, and prediction over the known delays.
+//! State estimator with prediction over the delays: Kalman filter and identified drive lag.
 //!
 //! A measurement is some cycles old, and a command arrives some cycles later. The filter runs at the time
 //! of the measurement. Its state is predicted over both delays with the commands that are on their way
@@ -10,32 +10,33 @@ use super::reduced_model::MachineState;
 use crate::memory::Memory;
 use hydroboom_math::{Real, record};
 
-/// Largest delay of measurement or command \[cycles\].
+/// Largest delay of a measurement, and of a command \[control periods\].
 pub const LARGEST_DELAY: usize = 20;
 /// Commands that are kept: those on their way, and the one that drove the motor in the period that was measured last.
 const COMMANDS: usize = 2 * LARGEST_DELAY + 1;
 
-/// Settings of the estimator.
+/// State estimator: Kalman filter, identified drive lag and prediction over the delays. Its state is a
+/// [`StateEstimatorState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateEstimator<T> {
-    /// The filter.
+    /// Extended Kalman filter.
     pub filter: ExtendedKalmanFilter<T>,
-    /// Identification of the drive.
+    /// Identification of the drive's lag.
     pub drive: DriveIdentification<T>,
-    /// Share of the way to its command that the motor is thought to go in a period before anything is measured \[1\].
+    /// Prior lag coefficient g of the drive \[1\].
     pub drive_coefficient: T,
-    /// Change of motor speed \[rev/s\] in a period at the slew limit.
+    /// Largest change of motor speed in a control period \[rev/s\].
     pub slew: T,
-    /// Share of that up to which the drive's lag is identified \[1\].
+    /// Share of [`slew`](Self::slew) up to which the drive's lag is identified \[1\].
     pub free_slew: T,
-    /// Delay of a measurement \[cycles\].
+    /// Delay of a measurement \[control periods\], at most [`LARGEST_DELAY`].
     pub measurement_delay_cycles: usize,
-    /// Delay of a command \[cycles\].
+    /// Delay of a command \[control periods\], at most [`LARGEST_DELAY`].
     pub command_delay_cycles: usize,
 }
 
 record! {
-    /// The machine's state at the time a command arrives.
+    /// State of the machine predicted to the arrival of the command.
     pub struct PredictedState<T> {
         /// Position of the load in the piston's travel
         #[unit = "m"]
@@ -52,18 +53,18 @@ record! {
     }
 }
 
-/// State of the estimator.
+/// State of the state estimator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateEstimatorState<T> {
-    /// The filter's.
+    /// State of the extended Kalman filter.
     pub filter: EstimatorState<T>,
-    /// The drive.
+    /// Identified lag of the drive.
     pub drive: DriveLag<T>,
     /// Commands \[rev/s\], newest first.
     commands: [T; COMMANDS],
     /// Motor speed that was read last \[rev/s\].
     motor_speed: T,
-    /// Piston-side pressure beyond the load pressure \[Pa\].
+    /// Part of the piston-side pressure that balances the rod side, (A_r/A_p) p_B \[Pa\].
     pub rod_side_term: T,
 }
 
@@ -80,7 +81,7 @@ impl<T: Copy> Memory<T> for StateEstimatorState<T> {
 }
 
 impl<T: Real> StateEstimatorState<T> {
-    /// `yes` where `mask` holds, `no` elsewhere.
+    /// Element-wise selection: `yes` where `mask` holds, else `no`.
     #[must_use]
     pub fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
         let pick = |yes: T, no: T| T::select(mask, yes, no);
@@ -96,12 +97,13 @@ impl<T: Real> StateEstimatorState<T> {
         }
     }
 
-    /// The commands that are on their way \[rev/s\], newest first; more than the delays need are kept.
+    /// Commanded motor speeds of the last control periods \[rev/s\], newest first.
     pub fn commands(&self) -> &[T] {
         &self.commands
     }
 
-    /// The same with other commands on their way \[rev/s\], newest first, and another motor speed that was read last \[rev/s\].
+    /// Replaces the commanded motor speeds of the last control periods \[rev/s\], newest first, and the last measured
+    /// motor speed \[rev/s\].
     #[must_use]
     pub fn with_commands(mut self, commands: &[T], motor_speed: T) -> Self {
         for (kept, command) in self.commands.iter_mut().zip(commands) {
@@ -113,7 +115,7 @@ impl<T: Real> StateEstimatorState<T> {
 }
 
 impl<T: Real> StateEstimator<T> {
-    /// The same estimator over another number.
+    /// Converts every setting to another number type by `f`.
     pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> StateEstimator<U> {
         StateEstimator {
             filter: self.filter.map(f),
@@ -126,20 +128,20 @@ impl<T: Real> StateEstimator<T> {
         }
     }
 
-    /// The same with other delays of a measurement and of a command \[cycles\].
+    /// Replaces the delays of a measurement and of a command \[control periods\].
     #[must_use]
     pub fn with_delays(mut self, measurement: usize, command: usize) -> Self {
         (self.measurement_delay_cycles, self.command_delay_cycles) = (measurement, command);
         self
     }
 
-    /// From sampling to actuation \[cycles\].
+    /// Delay from sampling to actuation \[control periods\].
     pub fn total_delay(&self) -> usize {
         self.measurement_delay_cycles.min(LARGEST_DELAY)
             + self.command_delay_cycles.min(LARGEST_DELAY)
     }
 
-    /// At rest beside a machine. `measured` has the measured motor speed.
+    /// Initial state of a machine at rest; `measured` has the motor speed \[rev/s\] as measured.
     pub fn start(&self, measured: &EstimatorInput<T>) -> StateEstimatorState<T> {
         StateEstimatorState {
             filter: self.filter.start(measured),
@@ -150,7 +152,7 @@ impl<T: Real> StateEstimator<T> {
         }
     }
 
-    /// A control period: `measured` has the measured motor speed; `command` \[rev/s\] was sent in the
+    /// One control period. `measured` has the motor speed \[rev/s\] as measured; `command` \[rev/s\] was sent in the
     /// period before.
     pub fn update(
         &self,
@@ -162,7 +164,8 @@ impl<T: Real> StateEstimator<T> {
         self.update_frozen(state, measured, command, never);
     }
 
-    /// The same, with unknown flow, transition pressure and drive lag as they are where `is_frozen` holds.
+    /// One control period as [`update`](Self::update), but without estimation of unknown flow, transition pressure
+    /// and drive lag where `is_frozen` holds.
     pub fn update_frozen(
         &self,
         state: &mut StateEstimatorState<T>,
@@ -194,7 +197,7 @@ impl<T: Real> StateEstimator<T> {
         state.rod_side_term = measured.rod_side_term;
     }
 
-    /// A control period in which valves hold the load. The identified drive stays.
+    /// One control period with the load-holding valves shut; the identified drive lag stays.
     pub fn hold(&self, state: &mut StateEstimatorState<T>, measured: &EstimatorInput<T>) {
         self.filter.hold(&mut state.filter, measured);
         state.commands = [measured.motor_speed; COMMANDS];
@@ -202,14 +205,14 @@ impl<T: Real> StateEstimator<T> {
         state.rod_side_term = measured.rod_side_term;
     }
 
-    /// Motor speed \[rev/s\] that is to be read next, where it is not read.
+    /// Predicted motor speed of the next measurement \[rev/s\], a substitute for one that is missing.
     pub fn predicted_speed(&self, state: &StateEstimatorState<T>) -> T {
         // the command that drives the motor in the period that is to be measured, one newer than the last
         let newer = self.total_delay().saturating_sub(1);
         state.drive.next(state.motor_speed, state.commands[newer], self.slew)
     }
 
-    /// The state when the command arrives that is sent now.
+    /// State predicted to the time at which a command that is sent now arrives.
     pub fn predict(&self, state: &StateEstimatorState<T>) -> PredictedState<T> {
         let (mut z, mut speed) = (state.filter.estimate, state.motor_speed);
         for cycle in (0..self.total_delay()).rev() {
@@ -222,7 +225,7 @@ impl<T: Real> StateEstimator<T> {
         PredictedState { position, velocity, load_pressure, motor_speed: speed }
     }
 
-    /// Time from now until a command arrives that is sent now \[s\].
+    /// Delay until a command that is sent now arrives \[s\].
     pub fn command_delay(&self) -> T {
         self.filter.period * T::lit(self.command_delay_cycles as f64)
     }

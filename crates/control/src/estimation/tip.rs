@@ -1,7 +1,7 @@
 //! Position of the boom's tip from the estimates, with its standard deviation.
 //!
-//! The tip is that of a rigid boom at the piston position, lowered by the compliance under load: the boom
-//! bends, and the base rotates.
+//! The tip is that of a rigid boom at the piston position, lowered by what gives way under the load: the boom bends,
+//! and the base turns.
 //!
 //! ```text
 //! tip = L e_r(φ) − (w + L C_b M_A) e_t(φ),   φ = φ(x + x_0),   w = (c/E I) ∫ M(s) m(s) ds
@@ -20,9 +20,9 @@
 //! W ← (1 − T/τ) W + T/P_m,   m̄ ← m̄ + T/(P_m W) (m − m̄)
 //! ```
 //!
-//! Pressures enter by the payload and the acceleration of the Kalman filter only, never as a force of the
-//! cylinder: its friction bends nothing. Neither pressures nor piston position observe the deflection; the
-//! standard deviation is valid as far as the model and the spread of its numbers are.
+//! Pressures enter by the payload and the acceleration of the Kalman filter only, never as a force of the cylinder:
+//! its friction bends nothing. Neither pressures nor piston position observe what gives way; the standard deviation
+//! holds as far as the model and the spread of its numbers do.
 //!
 //! Source: S. Timoshenko, *Strength of Materials*, part 1, 1955 (bending by virtual work).
 
@@ -33,7 +33,7 @@ use super::reduced_model::{MachineState, ReducedModel};
 use hydroboom_math::{Dual, Real, record};
 
 record! {
-    /// Boom, payload and cylinder geometry, as the crane file has them.
+    /// Geometry, mass and stiffness of boom, payload and cylinder, for the position of the tip.
     pub struct TipModel<T> {
         /// Cylinder mount C along the straight boom
         #[unit = "m"]
@@ -72,22 +72,22 @@ record! {
 }
 
 record! {
-    /// Compliances and zero of the stroke: numbers of the single crane.
+    /// Parameters of the tip model that are calibrated for the single crane.
     pub struct TipParameters<T> {
-        /// Bending of the boom over that of a uniform beam of the crane file's E I, c
+        /// Bending compliance of the boom relative to a uniform beam of the crane file's E I, c
         #[unit = "1"]
         pub bending: T,
         /// Compliance of the base against turning about the boom's bearing, C_b
         #[unit = "rad/(N m)"]
         pub base: T,
-        /// What is added to the piston position that is read, x_0
+        /// Offset added to the measured piston position, x_0
         #[unit = "m"]
         pub stroke_offset: T,
     }
 }
 
 record! {
-    /// Inputs of the tip model.
+    /// Piston position, payload and acceleration, on which the position of the tip depends.
     pub struct TipLoad<T> {
         /// Piston position
         #[unit = "m"]
@@ -102,7 +102,7 @@ record! {
 }
 
 record! {
-    /// Estimated tip position, from the boom's bearing.
+    /// Estimated position of the tip, relative to the boom's bearing.
     pub struct TipEstimate<T> {
         /// Horizontal position
         #[unit = "m"]
@@ -124,35 +124,35 @@ pub const PARAMETERS: usize = TipParameters::NAMES.len();
 /// These, and the payload.
 const VARIED: usize = PARAMETERS + 1;
 
-/// The estimator of the tip's position.
+/// Estimator of the tip's position, with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TipEstimator<T> {
-    /// The crane.
+    /// Geometry and stiffness.
     pub model: TipModel<T>,
-    /// Its numbers.
+    /// Calibrated parameters.
     pub parameters: TipParameters<T>,
-    /// Their covariance.
+    /// Covariance of the calibrated parameters, in the order of [`TipParameters`].
     pub covariance: Covariance<T, PARAMETERS>,
-    /// Standard deviation of the model's error across the boom \[m\].
+    /// Standard deviation of unmodelled deflection across the boom \[m\].
     pub remainder: T,
     /// Time constant of the payload's mean, τ \[s\].
     pub payload_memory: T,
 }
 
 record! {
-    /// State of the estimator: the payload's mean.
+    /// State of the tip estimator: weighted mean of the payload.
     pub struct TipMemory<T> {
         /// Mean payload, m̄
         #[unit = "kg"]
         pub payload: T,
-        /// Its weight, W; none before the first period and after a load change
+        /// Weight of the mean, W; 0 before the first period and after a load change
         #[unit = "s/kg²"]
         pub weight: T,
     }
 }
 
 impl<T: Real> TipModel<T> {
-    /// Tip position \[m\], horizontal and upwards from the bearing; quasi-static: the boom's own modes are left out.
+    /// Position of the tip \[m\], right of and above the bearing. Quasi-static: the boom's own modes are left out.
     pub fn position(&self, parameters: &TipParameters<T>, load: &TipLoad<T>) -> [T; 2] {
         let (one, half, third) = (T::one(), T::lit(0.5), T::lit(1.0 / 3.0));
         let (length, g) = (self.length, self.gravity);
@@ -194,7 +194,8 @@ impl<T: Real> TipModel<T> {
         let by_inertia = outer_2.square() * (T::lit(0.125) * length - outer * T::lit(1.0 / 30.0));
         let beyond_mount =
             force * by_force + couple * by_couple + weight * by_weight + inertia * by_inertia;
-        // between bearing and mount the moment grows in proportion; off the axis, the cylinder's force adds a couple at the mount
+        // between bearing and mount the moment grows in proportion; off the axis, the cylinder's force adds a couple
+        // at the mount
         let lug = self.mount_y * axial / arm;
         let at_mount = force * (reach - self.mount_x)
             + couple
@@ -210,15 +211,15 @@ impl<T: Real> TipModel<T> {
 }
 
 impl<T: Real> TipLoad<T> {
-    /// That of an estimated state: no cylinder force, and so no friction.
+    /// Piston position, payload and acceleration of an estimated state.
     pub fn of(model: &ReducedModel<T>, z: &MachineState<T>) -> Self {
         Self { piston: model.piston(z), payload: z.payload, acceleration: model.acceleration(z) }
     }
 }
 
 impl<T: Real> TipEstimator<T> {
-    /// A control period, before [`estimate`](Self::estimate): the payload's mean is updated, and
-    /// initialised again where the innovations indicate a load change.
+    /// One control period, before [`estimate`](Self::estimate): updates the payload's mean, and restarts it where the
+    /// innovations show a load change.
     #[inline(always)]
     pub fn update(
         &self,
@@ -240,7 +241,8 @@ impl<T: Real> TipEstimator<T> {
         memory.payload = T::select(mean.is_finite(), mean, payload);
     }
 
-    /// The tip at the time of the measurement, with standard deviations by first-order propagation of the error covariance and of the numbers' covariance.
+    /// Position of the tip at the time of the measurement. Standard deviations follow by first-order propagation of
+    /// the error covariance and of the parameters' covariance.
     pub fn estimate(
         &self,
         memory: &TipMemory<T>,
@@ -270,7 +272,7 @@ impl<T: Real> TipEstimator<T> {
         }
     }
 
-    /// Slopes of horizontal position and height by the [`TipParameters`], and by the payload.
+    /// Derivatives of horizontal position and height \[m\] by the [`TipParameters`], and by the payload \[m/kg\].
     pub fn slopes(&self, load: &TipLoad<T>) -> ([[T; PARAMETERS]; 2], [T; 2]) {
         let mut direction = 0..PARAMETERS;
         let varied =
@@ -349,12 +351,14 @@ mod tests {
         assert!((found / wanted - 1.0).abs() < 1e-9, "{found} for {wanted}");
     }
 
-    /// Deflection by virtual work, ∫ M m dx/(E I), with m the moment of a unit force across the tip; integrated numerically. The moments come from the forces on
-    /// the boom: cylinder along its axis, bearing, payload off the boom's axis, own weight and inertia.
+    /// Deflection by virtual work, ∫ M m dx/(E I), with m the moment of a unit force across the tip; integrated
+    /// numerically. The moments come from the forces on the boom: cylinder along its axis, bearing, payload off the
+    /// boom's axis, own weight and inertia.
     #[test]
     fn deflection_is_the_virtual_work_of_the_moments() {
         let off_axis = TipModel { payload_x: 3.5, payload_y: 0.2, mass: 0.0, ..CRANE };
-        // weight and inertia of the span between bearing and mount are left out: a mount on the axis, and near the bearing
+        // weight and inertia of the span between bearing and mount are left out: a mount on the axis, and near the
+        // bearing
         let accelerated = TipModel {
             mount_x: 0.05,
             mount_y: 0.0,

@@ -13,7 +13,7 @@ use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Signals of a crane, measured or simulated, that the controller uses.
+    /// Inputs of the benchmark controller, of the measured or the simulated crane.
     pub struct BenchmarkInput<T> {
         /// Piston position, x_cyl
         #[unit = "m"]
@@ -25,13 +25,13 @@ record! {
 }
 
 impl<T: Real> BenchmarkInput<T> {
-    /// From the signals of an axis, by the ratio of rod-side to piston area.
+    /// Inputs from the signals of an axis. `area_ratio` is A_r/A_p \[1\].
     #[inline(always)]
     pub fn of(signals: &AxisSignals<T>, area_ratio: T) -> Self {
         Self { stroke: signals.stroke, load_pressure: signals.load_pressure(area_ratio) }
     }
 
-    /// From the state of a simulated axis.
+    /// Inputs from the state of a simulated axis.
     #[inline(always)]
     pub fn of_simulated(state: &AxisState<T>) -> Self {
         Self { stroke: state.stroke, load_pressure: state.load_pressure }
@@ -39,9 +39,9 @@ impl<T: Real> BenchmarkInput<T> {
 }
 
 record! {
-    /// State of the controller.
+    /// State of the benchmark controller.
     pub struct BenchmarkMemory<T> {
-        /// Integral share of u_FC, as a velocity
+        /// Integral part of u_FC, as a piston velocity
         #[unit = "m/s"]
         pub integral: T,
         /// Low-passed load pressure
@@ -50,7 +50,7 @@ record! {
     }
 }
 
-/// Settings of the benchmark controller.
+/// Benchmark controller: PI position control with pressure feedback (1) to (3). Its state is a [`BenchmarkMemory`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Benchmark<T> {
     /// Proportional gain K_p \[1/s\]: piston velocity per position error.
@@ -65,14 +65,14 @@ pub struct Benchmark<T> {
     pub revolutions_per_metre: T,
     /// Pump displacement K_VP \[m³/rev\].
     pub displacement: T,
-    /// The motor's limits, which the integral must not wind up against.
+    /// Limits of the motor's speed, for anti-windup.
     pub limits: ActuatorLimits<T>,
     /// Sample period \[s\].
     pub period: T,
 }
 
 impl<T: Real> Benchmark<T> {
-    /// Memory to start with at the given load pressure \[Pa\], without a bump.
+    /// Initial state without a bump: integral zero, low-pass at the measured load pressure \[Pa\].
     pub fn start(&self, measured: &BenchmarkInput<T>) -> BenchmarkMemory<T> {
         BenchmarkMemory { integral: T::zero(), low_passed: measured.load_pressure }
     }
@@ -111,8 +111,8 @@ impl<T: Real> Benchmark<T> {
         wanted.clamp(-self.limits.speed, self.limits.speed)
     }
 
-    /// Makes the next [`update`](Self::update) command `speed` \[rev/s\], for a bumpless transfer from the
-    /// previous controller.
+    /// Sets the integral so that the next [`update`](Self::update) with these inputs returns `speed` \[rev/s\]:
+    /// bumpless transfer from another controller.
     #[inline(always)]
     pub fn take_over(
         &self,

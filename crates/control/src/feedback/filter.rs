@@ -13,13 +13,13 @@ pub struct HighPass<T> {
 }
 
 impl<T: Real> HighPass<T> {
-    /// A high-pass with the time constant τ \[s\], called every `period` \[s\].
+    /// High-pass with the time constant τ \[s\], sampled every `period` \[s\].
     pub fn new(time_constant: T, period: T) -> Self {
         Self { keep: (-(period / time_constant)).exp() }
     }
 
-    /// The filtered input. `memory` is the low-passed input; starting it at the first input starts
-    /// without a bump.
+    /// High-pass filtered input, in the unit of the input. `memory` is the low-pass filtered input; start it at the
+    /// first input for bumpless transfer.
     #[inline(always)]
     pub fn update(&self, memory: &mut T, input: T) -> T {
         let output = input - *memory;
@@ -29,19 +29,21 @@ impl<T: Real> HighPass<T> {
 }
 
 record! {
-    /// State of a notch.
+    /// State of a notch filter (transposed direct form II).
     pub struct NotchMemory<T> {
-        /// The sum that the next output takes
+        /// First delayed sum
         #[unit = "of the input"]
         pub next: T,
-        /// The sum that the output after it takes
+        /// Second delayed sum
         #[unit = "of the input"]
         pub after: T,
     }
 }
 
-/// A notch `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear rule that keeps ω
-/// where it is: what comes slowly passes unchanged, a component at ω is attenuated to ζ_n/ζ_d.
+/// Notch filter `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear transform with prewarping
+/// at ω.
+///
+/// Low frequencies pass unchanged; a sine of angular frequency ω is attenuated to ζ_n/ζ_d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Notch<T> {
     /// Shares of the input now and two samples ago.
@@ -54,7 +56,8 @@ pub struct Notch<T> {
 }
 
 impl<T: Real> Notch<T> {
-    /// A notch at ω \[rad/s\], below half the sample rate, of ζ_n and ζ_d, called every `period` \[s\].
+    /// Notch filter at ω \[rad/s\], below half the sampling frequency, with damping ratios `[ζ_n, ζ_d]` \[1\],
+    /// sampled every `period` \[s\].
     pub fn new(frequency: T, [deep, wide]: [T; 2], period: T) -> Self {
         let (one, two) = (T::one(), T::lit(2.0));
         let (sine, cosine) = (frequency * period / two).sin_cos();
@@ -69,14 +72,14 @@ impl<T: Real> Notch<T> {
         }
     }
 
-    /// State in which a constant input passes unchanged.
+    /// State in equilibrium with a constant input: the output equals the input.
     #[inline(always)]
     pub fn steady(&self, input: T) -> NotchMemory<T> {
         let after = (self.before - self.fed_back) * input;
         NotchMemory { next: after, after }
     }
 
-    /// The filtered input.
+    /// Filtered input, in the unit of the input.
     #[inline(always)]
     pub fn update(&self, memory: &mut NotchMemory<T>, input: T) -> T {
         let output = self.now * input + memory.next;
@@ -85,7 +88,7 @@ impl<T: Real> Notch<T> {
         output
     }
 
-    /// Coefficients of z⁰, z⁻¹, z⁻²: of the input, then of the output.
+    /// Coefficients of z⁰, z⁻¹ and z⁻²: numerator (of the input), then denominator (of the output).
     pub fn coefficients(&self) -> [[T; 3]; 2] {
         [[self.now, self.last, self.before], [T::one(), self.last, self.fed_back]]
     }

@@ -1,25 +1,26 @@
 //! Feedforward by an approximate inverse of the reduced model: state and motor speed along a reference.
 //!
-//! The boom bends quasi-statically: acceleration and friction of the load are those of the piston, γ p'' is left out. With x and its derivatives given,
+//! The boom bends quasi-statically: acceleration and friction of the load are those of the piston, γ p'' is left out.
+//! With x and its derivatives given,
 //!
 //! ```text
 //! p = p_0(x) + x''/a_p + p_v x' + p_C s + f (1 − |s|) − d,    s = tanh(x'/v_s)
 //! w = x' − γ p',    n = (p'/c + A w)/D + n_l(p) − r,          c = β/(V + γ A β)
 //! ```
 //!
-//! The load's position is a flat output of the reduced model (M. Fliess, J. Lévine, P. Martin, P. Rouchon, *Flatness and defect of non-linear systems*, 1995);
-//! the piston's would leave the boom's own mode as internal dynamics.
+//! The load's position is a flat output of the reduced model (M. Fliess, J. Lévine, P. Martin, P. Rouchon, *Flatness
+//! and defect of non-linear systems*, 1995); the piston's would leave the boom's own mode as internal dynamics.
 
 use crate::estimation::reduced_model::{MachineState, ReducedModel};
 use crate::estimation::state_estimator::PredictedState;
 use crate::reference::smoothing::SmoothSetPoint;
 use hydroboom_math::Real;
 
-/// State and motor speed \[rev/s\] that follow a reference.
+/// State and motor speed \[rev/s\] along a reference trajectory, by inversion of the reduced model.
 ///
-/// `estimate` has friction, disturbances and parameters. Friction changes its sign within a velocity of
-/// `turning` \[m/s\] or more. The pressure on the piston side is the load pressure plus `rod_side_term`
-/// \[Pa\], and at least zero.
+/// `estimate` has friction, disturbances and parameters. Friction changes its sign within a velocity of `turning`
+/// \[m/s\] or more. The pressure on the piston side is the load pressure plus `rod_side_term`, (A_r/A_p) p_B \[Pa\],
+/// and at least zero.
 #[inline(always)]
 pub fn inverse_dynamics<T: Real>(
     model: &ReducedModel<T>,

@@ -2,8 +2,8 @@
 //! crane's motor speed. It acts alone (tests 1 and 2 of section 5.3) or with the feedback of the benchmark
 //! controller (figures 5 and 15).
 //!
-//! The simulated crane follows the reference under a benchmark controller of its own (figure 13); its motor speed is the
-//! feedforward.
+//! The simulated crane follows the reference under a benchmark controller of its own (figure 13); its motor speed is
+//! the feedforward.
 
 use crate::command::Command;
 use crate::controller::{AxisState, Controller, ControllerStatus, SimulatedState};
@@ -13,7 +13,7 @@ use crate::reference::preview::Preview;
 use crate::reference::profile::SetPoint;
 use crate::strategy::Strategy;
 
-/// A published strategy at work on one axis. The strategy may be changed from one control period to the next.
+/// One of the four published strategies on one axis. The strategy may change from one control period to the next.
 #[derive(Clone, Copy, Debug)]
 pub struct PublishedStrategy {
     strategy: Strategy,
@@ -35,7 +35,7 @@ struct SimulatedLoop {
 }
 
 impl PublishedStrategy {
-    /// A controller with the benchmark's `law` on a cylinder of a ratio of rod-side to piston area.
+    /// Controller with the benchmark's `law`. `area_ratio` is A_r/A_p \[1\] of the cylinder.
     pub fn new(strategy: Strategy, law: Benchmark<f64>, area_ratio: f64) -> Self {
         Self {
             strategy,
@@ -47,18 +47,20 @@ impl PublishedStrategy {
         }
     }
 
-    /// The strategy.
+    /// Present strategy.
     pub fn strategy(&self) -> Strategy {
         self.strategy
     }
 
-    /// Changes to another strategy. Its feedback takes over at the motor speed \[rev/s\] that was commanded last.
+    /// Changes to another strategy, with bumpless transfer of its feedback from the last commanded motor speed
+    /// \[rev/s\].
     pub fn change_to(&mut self, strategy: Strategy, motor_speed: f64) {
         self.strategy = strategy;
         self.takes_over_at = Some(motor_speed);
     }
 
-    /// Begins with a strategy at a set point at which the machine rests with its motor at a speed \[rev/s\], without a bump.
+    /// Starts a strategy at a set point at which the machine rests with a motor speed \[rev/s\], with bumpless
+    /// transfer.
     pub fn start_at(
         &mut self,
         strategy: Strategy,
@@ -72,13 +74,13 @@ impl PublishedStrategy {
         self.law.take_over(&mut self.memory, set_point, &input, 0.0, speed);
     }
 
-    /// Initialises feedback, after it has not been in use.
+    /// Restarts the feedback from a measurement, after a time in which it was not in use.
     pub fn forget_measurements(&mut self, measurement: &Measurement) {
         self.memory = self.law.start(&self.input(measurement));
         self.takes_over_at = None;
     }
 
-    /// Initialises the simulated crane, at its state of rest where there is one.
+    /// Restarts the controller of the simulated crane at its state of rest; `None`: at the next state.
     pub fn start_simulated(&mut self, state: Option<&AxisState<f64>>) {
         let memory = state.map(|state| self.law.start(&BenchmarkInput::of_simulated(state)));
         self.simulated = SimulatedLoop { memory, motor_speed: 0.0 };

@@ -13,30 +13,31 @@
 
 use hydroboom_math::Real;
 
-/// States that are fed back: load position, load velocity, load pressure, motor speed.
+/// Number of states of the regulator: load position \[m\], load velocity \[m/s\], load pressure \[Pa\], motor speed
+/// \[rev/s\].
 pub const ORDER: usize = 4;
 /// A square matrix, rows first.
 pub type Matrix<T> = [[T; ORDER]; ORDER];
 
-/// A linear plant `z(k+1) = A z + b u` with stage cost `zᵀ Q z + r u²`.
+/// Discrete linear-quadratic problem: plant `z(k+1) = A z + b u` with stage cost `zᵀ Q z + r u²`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearQuadratic<T> {
-    /// A
+    /// State matrix A.
     pub transition: Matrix<T>,
-    /// b
+    /// Input vector b.
     pub input: [T; ORDER],
-    /// Q
+    /// Weights of the states, Q.
     pub state_cost: Matrix<T>,
-    /// r
+    /// Weight of the input, r.
     pub input_cost: T,
 }
 
-/// Cost to go and gain.
+/// State of the Riccati recursion: cost-to-go matrix and gain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Regulator<T> {
-    /// P
+    /// Cost-to-go matrix P.
     pub cost_to_go: Matrix<T>,
-    /// K of `u = −K z`
+    /// Gain K of `u = −K z`.
     pub gain: [T; ORDER],
 }
 
@@ -47,7 +48,7 @@ pub(crate) fn product<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
     })
 }
 
-/// `aᵀ b`
+/// Scalar product `aᵀ b`.
 #[inline(always)]
 pub fn dot<T: Real>(a: &[T; ORDER], b: &[T; ORDER]) -> T {
     a.iter().zip(b).fold(T::zero(), |sum, (a, b)| a.mul_add(*b, sum))
@@ -60,7 +61,8 @@ pub(crate) fn quadratic<T: Real>(p: &Matrix<T>, z: &[T; ORDER]) -> T {
 }
 
 impl<T: Real> LinearQuadratic<T> {
-    /// Sampled from `z' = A z + b u` with u held for a period \[s\], by the exponential's series up to the fourth order.
+    /// Zero-order-hold discretisation of `z' = A z + b u` with a sampling period \[s\], by the series of the matrix
+    /// exponential up to the fourth order.
     #[inline(always)]
     pub fn sampled(
         a: &Matrix<T>,
@@ -93,12 +95,12 @@ impl<T: Real> LinearQuadratic<T> {
 }
 
 impl<T: Real> Regulator<T> {
-    /// Before the first step: the cost of one period.
+    /// Initial state: the cost of one period, P = Q.
     pub fn start(plant: &LinearQuadratic<T>) -> Self {
         Self { cost_to_go: plant.state_cost, gain: [T::zero(); ORDER] }
     }
 
-    /// A step of the Riccati difference equation.
+    /// One step of the Riccati difference equation.
     #[inline(always)]
     pub fn step(&mut self, plant: &LinearQuadratic<T>) {
         let LinearQuadratic { transition: a, input: b, state_cost, input_cost } = plant;

@@ -1,11 +1,10 @@
-//! One-step policy improvement (rollout): while feedback saturates, the law itself and four alternatives are predicted on the reduced model, and the one of least cost is
-//! applied.
+//! One-step policy improvement (rollout): while feedback saturates, the law itself and four alternatives are predicted
+//! on the reduced model, and the one of least cost is applied.
 //!
-//! An alternative holds the motor's limit, either way, for a short or a long time, then the law continues.
-//! Stage costs are the regulator's, the end cost its cost to go. The cause of the deviation is a force or a
-//! payload: each alternative is predicted under both hypotheses. A decision takes eleven periods: in the
-//! first the reference ahead is sampled, in each of the others one prediction is made, from the state of
-//! the first on.
+//! An alternative holds the motor's limit, either way, for a short or a long time, then the law goes on. Stage costs
+//! are the regulator's, the end cost its cost to go. The cause of the deviation is a force or a payload: each
+//! alternative is predicted under both hypotheses. A decision takes eleven periods: in the first the reference ahead
+//! is sampled, in each of the others one prediction is made, from the state of the first on.
 //!
 //! Source: D. Bertsekas, *Reinforcement Learning and Optimal Control*, 2019, section 2.4.
 
@@ -29,24 +28,24 @@ const SAMPLES: usize = 26;
 const STEPS_BETWEEN: usize = 5;
 
 record! {
-    /// Settings of the rollout.
+    /// Settings of the one-step policy improvement.
     pub struct Rollout<T> {
-        /// Horizon
+        /// Prediction horizon
         #[unit = "s"]
         pub horizon: T,
-        /// Short and long time for which the limit is held
+        /// Short time for which the motor's limit is held in an alternative
         #[unit = "s"]
         pub short: T,
-        /// Long time for which the limit is held
+        /// Long time for which the motor's limit is held in an alternative
         #[unit = "s"]
         pub long: T,
-        /// Share of the cost by which an alternative must be better than the law
+        /// Share of the law's cost by which an alternative must be cheaper
         #[unit = "1"]
         pub improvement: T,
-        /// Offset of the governed reference beyond which alternatives are predicted
+        /// Offset of the governed reference above which alternatives are predicted
         #[unit = "m"]
         pub offset: T,
-        /// Probability that a payload has changed, and not a force
+        /// Probability that a deviation is caused by a change of payload, not by a force
         #[unit = "1"]
         pub payload_probability: T,
     }
@@ -76,38 +75,39 @@ impl<T: Copy> ReferenceSample<T> {
     }
 }
 
-/// Inputs of a prediction with the law: the plant, the law and the reference.
+/// Plant, control law and reference governor for the prediction of the closed loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Policy<T> {
-    /// Plant.
+    /// Reduced model of the plant.
     pub model: ReducedModel<T>,
-    /// Estimates of parameters and disturbances.
+    /// Estimated states, with parameters and disturbances.
     pub estimate: MachineState<T>,
-    /// Piston-side pressure beyond the load pressure \[Pa\].
+    /// Part of the piston-side pressure that balances the rod side, (A_r/A_p) p_B \[Pa\].
     pub rod_side_term: T,
-    /// Drive.
+    /// Identified lag of the drive.
     pub drive: DriveLag<T>,
     /// Control period \[s\].
     pub period: T,
-    /// Largest motor speed \[rev/s\], and its change in a period.
+    /// Largest motor speed \[rev/s\].
     pub limit: T,
-    /// Change of motor speed in a period \[rev/s\].
+    /// Largest change of motor speed in a control period \[rev/s\].
     pub slew: T,
-    /// The regulator's gain.
+    /// Gain K of the regulator, for load position \[m\], load velocity \[m/s\], load pressure \[Pa\] and motor speed
+    /// \[rev/s\].
     pub gain: [T; ORDER],
-    /// The regulator's cost to go.
+    /// Cost-to-go matrix P of the regulator, the terminal cost of a prediction.
     pub cost_to_go: Matrix<T>,
     /// The regulator's weights of position error \[1/m²\], velocity error \[s²/m²\] and motor speed \[s²/rev²\].
     pub weights: [T; 3],
-    /// Limits of feedback.
+    /// Saturation limits of the feedback.
     pub saturation: NestedSaturation<T>,
-    /// Governor.
+    /// Reference governor.
     pub governor: ReferenceGovernor<T>,
-    /// Rate at which its offset decays \[1/s\].
+    /// Decay rate of the governor's offset \[1/s\].
     pub decay: T,
 }
 
-/// State of the rollout.
+/// State of the one-step policy improvement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RolloutState<T> {
     /// Period of the decision under way, from 0.
@@ -145,7 +145,7 @@ impl<T: Copy> Memory<T> for RolloutState<T> {
 }
 
 impl<T: Real> RolloutState<T> {
-    /// The same without a decision where `mask` holds.
+    /// Discards the decision under way and the applied speed where `mask` holds.
     #[must_use]
     pub fn restarted_where(self, mask: T::Mask) -> Self {
         let none = |value: T| T::select(mask, T::zero(), value);
@@ -153,7 +153,7 @@ impl<T: Real> RolloutState<T> {
         Self { phase, is_evaluating, is_applied: none(self.is_applied), ..self }
     }
 
-    /// Without a decision.
+    /// Initial state: no decision under way.
     pub fn start() -> Self {
         let zero = T::zero();
         let nowhere =
@@ -175,7 +175,7 @@ impl<T: Real> RolloutState<T> {
         }
     }
 
-    /// The motor speed \[rev/s\] that is applied in place of the law's, where one is.
+    /// Applied motor speed \[rev/s\]: that of the chosen alternative, or else that of the law, `law` \[rev/s\].
     #[inline(always)]
     pub fn command(&self, law: T) -> T {
         T::select(T::lit(0.5).lt(self.is_applied), self.speed, law)
@@ -183,10 +183,11 @@ impl<T: Real> RolloutState<T> {
 }
 
 impl<T: Real> Rollout<T> {
-    /// A control period, in which the machine is at `now` when the command arrives and the reference
-    /// `offset` \[m\] from the commanded one.
+    /// One control period: samples the reference, predicts one alternative, or decides, in turn.
     ///
-    /// `needed`: feedback saturates, or the reference has been moved. `ahead` is state, motor speed \[rev/s\] and piston position \[m\] of the reference so long \[s\] after that time.
+    /// `now` is the machine's state when the command arrives. `offset` is that of the governed reference \[m\].
+    /// `needed` holds where feedback saturates or the reference has been offset. `ahead` gives state, motor speed
+    /// \[rev/s\] and piston position \[m\] of the reference at a time \[s\] after the command's arrival.
     pub fn update(
         &self,
         state: &mut RolloutState<T>,
@@ -397,8 +398,8 @@ struct Hypothesis<T> {
     added_payload: T,
 }
 
-/// The load is accelerated by a force, as estimated, or by a changed payload: `a_p(m) (p − p_0(m) − p_C s −
-/// p_v w) = w'`, which is linear in m.
+/// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s − p_v w) = w'`,
+/// which is linear in m.
 fn hypothesis<T: Real>(
     policy: &Policy<T>,
     at: &OperatingPoint<T>,

@@ -1,19 +1,21 @@
 //! Nested saturation of state feedback.
 //!
-//! The position's share is limited first, and then the sum: position feedback cannot take the authority of the terms that damp. There is no integrator in the law.
+//! The position's share is limited first, and then the sum: position feedback cannot take the authority of the terms
+//! that damp. There is no integrator in the law.
 //!
-//! Source: A. Teel, *Global stabilization and restricted tracking for multiple integrators with bounded controls*, 1992.
+//! Source: A. Teel, *Global stabilization and restricted tracking for multiple integrators with bounded controls*,
+//! 1992.
 
 use super::riccati::{ORDER, dot};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Limits of state feedback.
+    /// Nested saturation limits of state feedback, as motor speeds.
     pub struct NestedSaturation<T> {
-        /// Of the position's share
+        /// Limit of the position feedback
         #[unit = "rev/s"]
         pub position: T,
-        /// Of the sum
+        /// Limit of the whole feedback
         #[unit = "rev/s"]
         pub sum: T,
     }
@@ -27,7 +29,8 @@ impl<T: Real> NestedSaturation<T> {
         self.position / gain[0].max(T::lit(1.0))
     }
 
-    /// Feedback \[rev/s\] of an error, position first, and whether a limit was met.
+    /// Saturated feedback K e \[rev/s\] and whether a limit was reached. `error` is that of load position \[m\], load
+    /// velocity \[m/s\], load pressure \[Pa\] and motor speed \[rev/s\].
     #[inline(always)]
     pub fn feedback(&self, gain: &[T; ORDER], error: &[T; ORDER]) -> (T, T::Mask) {
         let largest = self.largest_error(gain);

@@ -20,72 +20,72 @@ use crate::reference::speed_limit::SpeedLimit;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Settings of the law; each is a key of the crane file.
+    /// Settings of the scheduled LQR; each is a key of the crane file.
     pub struct ScheduledLqrSettings<T> {
-        /// Position error that costs one
+        /// Position error with unit cost (Bryson's rule)
         #[unit = "m"]
         pub position_tolerance: T,
-        /// Velocity error that costs one
+        /// Velocity error with unit cost (Bryson's rule)
         #[unit = "m/s"]
         pub velocity_tolerance: T,
-        /// Commanded piston velocity beyond feedforward that costs one
+        /// Commanded piston velocity in addition to the feedforward with unit cost (Bryson's rule)
         #[unit = "m/s"]
         pub command_tolerance: T,
-        /// Share of the motor's speed that feedback may command
+        /// Limit of the whole feedback, as a share of the largest motor speed
         #[unit = "1"]
         pub feedback_limit: T,
-        /// Share of the motor's speed that position feedback may command
+        /// Limit of the position feedback, as a share of the largest motor speed
         #[unit = "1"]
         pub position_limit: T,
-        /// Share of the motor's speed that filling the oil may take
+        /// Share of the largest motor speed available for compressing the oil along the reference
         #[unit = "1"]
         pub filling_share: T,
-        /// Share of Coulomb friction that is filled where it changes sign
+        /// Share of Coulomb friction that is compensated by compression of the oil where friction changes its sign
         #[unit = "1"]
         pub filling_friction: T,
-        /// Shortest smoothing window beside the drive's lag
+        /// Shortest smoothing window, in addition to the drive's lag
         #[unit = "s"]
         pub shortest_window: T,
         /// Longest smoothing window
         #[unit = "s"]
         pub longest_window: T,
-        /// Time constant in which the smoothing window adapts
+        /// Time constant of the adaptation of the smoothing window
         #[unit = "s"]
         pub window_time_constant: T,
     }
 }
 
-/// The law.
+/// Gain-scheduled LQR: model and settings. Its state is a [`ScheduledLqrState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScheduledLqr<T> {
-    /// The reduced model.
+    /// Reduced model of the machine.
     pub model: ReducedModel<T>,
     /// Settings.
     pub settings: ScheduledLqrSettings<T>,
     /// Reference governor.
     pub governor: ReferenceGovernor<T>,
-    /// Policy improvement.
+    /// One-step policy improvement.
     pub rollout: Rollout<T>,
     /// Largest motor speed \[rev/s\].
     pub motor_speed: T,
-    /// Change of motor speed \[rev/s\] in a period at the slew limit.
+    /// Largest change of motor speed in a control period \[rev/s\].
     pub slew: T,
     /// Control period \[s\].
     pub period: T,
 }
 
-/// State of the law.
+/// State of the scheduled LQR.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScheduledLqrState<T> {
-    /// The regulator.
+    /// Riccati recursion: cost-to-go matrix and gain.
     pub regulator: Regulator<T>,
-    /// Offset of the reference from the commanded reference \[m\].
+    /// Offset of the governed reference from the commanded reference \[m\].
     pub offset: T,
-    /// Smoothing window \[s\].
+    /// Length of the smoothing window \[s\].
     pub window: T,
     speed_limit: SpeedLimit<T>,
     rollout: RolloutState<T>,
-    /// Last command \[rev/s\].
+    /// Motor speed commanded last \[rev/s\].
     pub command: T,
 }
 
@@ -110,7 +110,7 @@ impl<T: Copy> Memory<T> for ScheduledLqrState<T> {
 const SETTLING_STEPS: usize = 4000;
 
 impl<T: Real> ScheduledLqrState<T> {
-    /// Before anything is known: the regulator begins with no cost to go.
+    /// State before the first measurement: all numbers zero, with the reference at 0 m.
     pub fn unknown() -> Self {
         let zero = T::zero();
         Self {
@@ -125,7 +125,8 @@ impl<T: Real> ScheduledLqrState<T> {
 }
 
 impl<T: Real> ScheduledLqr<T> {
-    /// Begins at a reference position \[m\] with a regulator of about the present operating point.
+    /// Initial state at a reference position \[m\], with a regulator that has converged near the present operating
+    /// point.
     pub fn start(
         &self,
         regulator: Regulator<T>,
@@ -143,8 +144,7 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
-    /// The state to begin with where `mask` holds, at a reference position \[m\], with its present
-    /// regulator; elsewhere the unchanged state.
+    /// Initial state where `mask` holds, at a reference position \[m\] and with the present regulator; else `state`.
     pub fn started_where(
         &self,
         mask: T::Mask,
@@ -162,7 +162,7 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
-    /// The same law over another number.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> ScheduledLqr<U> {
         ScheduledLqr {
             model: self.model.map(f),
@@ -175,7 +175,7 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
-    /// Plant and weights of the present operating point, sampled with the control period.
+    /// Discrete linear-quadratic problem of the present operating point, sampled with the control period.
     pub fn linear_quadratic(
         &self,
         estimator: &StateEstimator<T>,
@@ -185,7 +185,7 @@ impl<T: Real> ScheduledLqr<T> {
         self.plant(estimated, &self.scheduling_point(estimated, &now))
     }
 
-    /// Smoothing window \[s\] a period after it was `window` \[s\].
+    /// Length of the smoothing window \[s\] one control period after it was `window` \[s\].
     pub fn next_window(
         &self,
         window: T,
@@ -198,7 +198,8 @@ impl<T: Real> ScheduledLqr<T> {
         self.window(window, estimated, &here, preview.largest_acceleration())
     }
 
-    /// The regulator of the present operating point, settled: thousands of Riccati steps, none of them for the control cycle.
+    /// Converged regulator of the present operating point. It takes 4000 Riccati steps: too long for a control
+    /// period.
     pub fn settled_regulator(
         &self,
         estimator: &StateEstimator<T>,
@@ -212,8 +213,8 @@ impl<T: Real> ScheduledLqr<T> {
         regulator
     }
 
-    /// One Riccati step of the present operating point, while another controller commands; initialised
-    /// where there is no regulator yet.
+    /// One Riccati step at the present operating point, while another controller is active; `None` starts the
+    /// recursion.
     pub fn follow_operating_point(
         &self,
         regulator: Option<Regulator<T>>,
@@ -226,7 +227,7 @@ impl<T: Real> ScheduledLqr<T> {
         regulator
     }
 
-    /// Motor speed \[rev/s\] for the coming period.
+    /// Motor speed \[rev/s\] for the next control period.
     pub fn update(
         &self,
         state: &mut ScheduledLqrState<T>,
@@ -373,7 +374,8 @@ impl<T: Real> ScheduledLqr<T> {
         LinearQuadratic::sampled(&a, &b, q, by_speed, self.period)
     }
 
-    /// Weights of position error \[1/m²\], velocity error \[s²/m²\] and motor speed \[s²/rev²\] by Bryson's rule: one over the tolerance squared.
+    /// Weights of position error \[1/m²\], velocity error \[s²/m²\] and motor speed \[s²/rev²\] by Bryson's rule: one
+    /// over the tolerance squared.
     pub fn weights(&self) -> [T; 3] {
         let s = &self.settings;
         let speed = s.command_tolerance * self.model.revolutions_per_metre();
@@ -387,7 +389,7 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
-    /// Largest speeds \[m/s\] of the piston outwards and inwards.
+    /// Largest piston speeds outwards and inwards \[m/s\] at the motor's largest speed.
     pub fn fastest(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> [T; 2] {
         let flow = estimated.filter.estimate.unknown_flow;
         let held = self.model.leakage(now.load_pressure) - flow;
@@ -395,7 +397,8 @@ impl<T: Real> ScheduledLqr<T> {
             .map(|speed| speed / self.model.revolutions_per_metre())
     }
 
-    /// Smoothing window \[s\] a period later: so long that filling the oil takes no more than its share of the motor's speed.
+    /// Smoothing window \[s\] a period later: so long that filling the oil takes no more than its share of the motor's
+    /// speed.
     fn window(
         &self,
         window: T,

@@ -1,7 +1,8 @@
 //! Scheduled LQR with its state estimator as a controller of one axis.
 //!
-//! The estimator may run under any strategy ([`observe`](ScheduledLqrController::observe)), so that a hand-over finds it settled; while the load-holding valve is shut,
-//! [`observe_held`](ScheduledLqrController::observe_held) keeps its parameters and weighs the load.
+//! The estimator may run under any strategy ([`observe`](ScheduledLqrController::observe)), so that a hand-over finds
+//! it settled; while the load-holding valve is shut, [`observe_held`](ScheduledLqrController::observe_held) keeps its
+//! parameters and weighs the load.
 
 use super::riccati::Regulator;
 use super::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
@@ -13,7 +14,7 @@ use crate::estimation::state_estimator::{StateEstimator, StateEstimatorState};
 use crate::measurement::{AxisMeasurement, Measurement, Validity};
 use crate::reference::preview::Preview;
 
-/// The controller.
+/// Scheduled LQR with its state estimator for one axis.
 #[derive(Clone, Copy, Debug)]
 pub struct ScheduledLqrController {
     estimator: StateEstimator<f64>,
@@ -37,7 +38,7 @@ pub struct ScheduledLqrController {
 }
 
 impl ScheduledLqrController {
-    /// A controller of a cylinder of a ratio of rod-side to piston area.
+    /// Controller from estimator and law. `area_ratio` is A_r/A_p \[1\] of the cylinder.
     pub fn new(estimator: StateEstimator<f64>, law: ScheduledLqr<f64>, area_ratio: f64) -> Self {
         Self {
             estimator,
@@ -53,44 +54,44 @@ impl ScheduledLqrController {
         }
     }
 
-    /// The same with a fieldbus that delays measurements and commands by a number of cycles each.
+    /// Sets the delay of measurements and of commands on the fieldbus, the same for both \[control periods\].
     #[must_use]
     pub fn with_delay(mut self, delay_cycles: u32) -> Self {
         self.set_delays(delay_cycles as usize, delay_cycles as usize);
         self
     }
 
-    /// Sets the delays of measurements and commands in cycles. To be called while the load is held, with no
-    /// command in transit.
+    /// Sets the delays of measurements and of commands \[control periods\]. To be called while the load is held, so
+    /// that no command is in transit.
     pub fn set_delays(&mut self, measurement: usize, command: usize) {
         self.estimator = self.estimator.with_delays(measurement, command);
     }
 
-    /// The same with an estimator that begins with the parameters of an earlier run. After a divergence it begins without them.
+    /// Starts the estimator with the parameters of an earlier run. After a divergence it restarts without them.
     #[must_use]
     pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
         self.retained = Some(retained);
         self
     }
 
-    /// Estimates and their covariance; none before the first measurement.
+    /// State estimates and their covariance; `None` before the first valid measurement.
     pub fn estimated(&self) -> Option<&StateEstimatorState<f64>> {
         self.estimated.as_ref()
     }
 
-    /// The estimator.
+    /// Settings of the state estimator.
     pub fn estimator(&self) -> &StateEstimator<f64> {
         &self.estimator
     }
 
-    /// State of the law; none before control begins.
+    /// State of the control law; `None` while another controller is active.
     pub fn law_state(&self) -> Option<&ScheduledLqrState<f64>> {
         self.state.as_ref()
     }
 
-    /// Takes a measurement in, `command` being the motor speed \[rev/s\] that was sent in the period before.
+    /// Updates the estimator by a measurement. `command` is the motor speed \[rev/s\] sent in the period before.
     ///
-    /// A measurement that was observed already counts as absent: the estimates are predicted by the model.
+    /// A measurement with the number of the last one counts as absent: the estimates follow the model.
     pub fn observe(&mut self, measurement: &Measurement, command: f64) {
         let is_new = self.observed != Some(measurement.number);
         let input = self.input(&measurement.axes[0], is_new);
@@ -105,9 +106,10 @@ impl ScheduledLqrController {
         }
     }
 
-    /// Processes a measurement while the load-holding valve is shut: position and load pressure are as
-    /// measured, nothing moves, the payload may have changed; parameters stay. An estimator that has
-    /// diverged is initialised, and so is a regulator that is not finite.
+    /// Updates the estimator by a measurement while the load-holding valve is shut: the payload is estimated anew,
+    /// the other parameters stay.
+    ///
+    /// A diverged estimator is restarted, and so is a regulator that is not finite.
     pub fn observe_held(&mut self, measurement: &Measurement) {
         let is_new = self.observed != Some(measurement.number);
         let input = self.input(&measurement.axes[0], is_new);
@@ -125,15 +127,15 @@ impl ScheduledLqrController {
         self.follow_operating_point();
     }
 
-    /// Begins control at the machine's state, after any other controller: the reference returns to
-    /// `reference` \[m\] from the piston, the regulator has followed the operating point.
+    /// Starts control at the present state, after any other controller. The reference moves from the piston position
+    /// to `reference` \[m\]; the regulator is that of the operating point.
     pub fn take_over(&mut self, reference: f64) {
         if let (Some(estimated), Some(regulator)) = (&self.estimated, self.regulator) {
             self.state = Some(self.law.start(regulator, &self.estimator, estimated, reference));
         }
     }
 
-    /// Another controller takes over; the regulator continues to follow the operating point.
+    /// Ends control, for another controller; the regulator continues to follow the operating point.
     pub fn hand_over(&mut self) {
         if let Some(state) = self.state.take() {
             self.regulator = Some(state.regulator);
@@ -147,7 +149,8 @@ impl ScheduledLqrController {
         }
     }
 
-    /// Whether the estimates are finite and agree with the measurements.
+    /// Whether estimates and covariance are finite and the filter has not diverged; true before the first
+    /// measurement.
     pub fn is_valid(&self) -> bool {
         self.estimated.as_ref().is_none_or(|estimated| {
             let filter = &estimated.filter;

@@ -1,8 +1,8 @@
-//! Input shaping: a trajectory convolved with two (ZV) or three (ZVD) impulses, so that a lightly damped
-//! mode is not excited after it.
+//! Input shaping: a trajectory convolved with two (ZV) or three (ZVD) impulses, so that a lightly damped mode does not
+//! ring after it.
 //!
-//! Source: N. C. Singer and W. P. Seering, "Preshaping Command Inputs to Reduce System Vibration", Journal of Dynamic Systems,
-//! Measurement, and Control 112 (1), 1990, 76-82, doi:10.1115/1.2894142.
+//! Source: N. C. Singer and W. P. Seering, "Preshaping Command Inputs to Reduce System Vibration", Journal of Dynamic
+//! Systems, Measurement, and Control 112 (1), 1990, 76-82, doi:10.1115/1.2894142.
 
 use crate::reference::profile::SetPoint;
 use crate::reference::trajectory::Trajectory;
@@ -18,15 +18,16 @@ pub struct InputShaper {
 }
 
 impl InputShaper {
-    /// Zero vibration (ZV): two impulses half a damped period apart, for a mode of natural `frequency` \[Hz\] and `damping` ratio.
+    /// Zero vibration (ZV) shaper: two impulses half a damped period apart, for a mode of natural `frequency` \[Hz\]
+    /// and `damping` ratio \[1\], below 1.
     pub fn zv(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = 1.0 + k;
         Self { impulses: [(1.0 / whole, 0.0), (k / whole, half), (0.0, 0.0)] }
     }
 
-    /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by
-    /// frequency \[Hz\] is zero, too. So a mode of a slightly different frequency is hardly excited either.
+    /// Zero vibration and derivative (ZVD) shaper: three impulses. The derivative of the residual vibration by
+    /// frequency \[Hz\] is zero as well, for robustness against an error of the frequency.
     pub fn zvd(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = (1.0 + k) * (1.0 + k);
@@ -34,17 +35,17 @@ impl InputShaper {
         Self { impulses }
     }
 
-    /// Time of the last impulse \[s\]: delay of the shaped trajectory's end.
+    /// Time of the last impulse \[s\]: the delay of the end of a shaped trajectory.
     pub fn delay(&self) -> f64 {
         self.impulses.iter().fold(0.0, |latest, (_, later)| latest.max(*later))
     }
 
-    /// Mean time of the impulses \[s\], `Σ A_i t_i`: delay of a shaped ramp.
+    /// Mean time of the impulses, `Σ A_i t_i` \[s\]: the delay of a shaped ramp.
     pub fn mean_delay(&self) -> f64 {
         self.impulses.iter().map(|(share, later)| share * later).sum()
     }
 
-    /// The shaped set point, `Σ A_i x_ref(−t_i)`, `at` being the set point so long \[s\] after now.
+    /// Shaped set point, `Σ A_i x_ref(−t_i)`. `at(t)` is the set point at a time t \[s\] relative to now.
     pub fn shaped(&self, at: impl Fn(f64) -> SetPoint<f64>) -> SetPoint<f64> {
         let mut sum = SetPoint { position: 0.0, velocity: 0.0 };
         for (share, later) in self.impulses {
@@ -56,7 +57,7 @@ impl InputShaper {
     }
 }
 
-/// A shaped trajectory, `Σ A_i x_ref(t − t_i)`.
+/// Trajectory convolved with an input shaper, `Σ A_i x_ref(t − t_i)`.
 #[derive(Clone, Debug)]
 pub struct ShapedTrajectory<P> {
     trajectory: P,
@@ -64,17 +65,17 @@ pub struct ShapedTrajectory<P> {
 }
 
 impl<P: Trajectory> ShapedTrajectory<P> {
-    /// Shaped by a zero-vibration shaper, see [`InputShaper::zv`].
+    /// Trajectory shaped by [`InputShaper::zv`], for a mode of natural `frequency` \[Hz\] and `damping` ratio \[1\].
     pub fn zv(trajectory: P, frequency: f64, damping: f64) -> Self {
         Self { trajectory, shaper: InputShaper::zv(frequency, damping) }
     }
 
-    /// Shaped by a zero-vibration-and-derivative shaper, see [`InputShaper::zvd`].
+    /// Trajectory shaped by [`InputShaper::zvd`], for a mode of natural `frequency` \[Hz\] and `damping` ratio \[1\].
     pub fn zvd(trajectory: P, frequency: f64, damping: f64) -> Self {
         Self { trajectory, shaper: InputShaper::zvd(frequency, damping) }
     }
 
-    /// Delay of its end after that of the trajectory \[s\].
+    /// Delay of the end of the trajectory by shaping \[s\].
     pub fn delay(&self) -> f64 {
         self.shaper.delay()
     }

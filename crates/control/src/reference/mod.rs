@@ -1,4 +1,4 @@
-//! Where the piston shall be: trajectories, velocity profiles, their shaping, preview and governor.
+//! Reference motion of the piston: trajectories, velocity profiles, input shaping, preview and reference governor.
 
 pub mod governor;
 pub mod input_shaper;

@@ -1,12 +1,12 @@
-//! Reference preview: the set points of the next seconds, and of the last three tenths.
+//! Reference preview: set points of the next 2.5 s and of the last 0.3 s, with a control period of 1 ms.
 
 use crate::memory::Memory;
 use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 
-/// Control periods before now of which every set point is kept.
+/// Number of past control periods in a [`Preview`].
 pub const PERIODS_BEHIND: usize = 300;
-/// Control periods after now.
+/// Number of future control periods in a [`Preview`].
 pub const PERIODS_AHEAD: usize = 800;
 const NEAR: usize = PERIODS_BEHIND + 1 + PERIODS_AHEAD;
 
@@ -15,9 +15,10 @@ const FAR_SPACING: f64 = 0.05;
 /// Distant set points, the first 800 periods after now.
 const FAR: usize = 35;
 
-/// Set points at fixed times relative to now: every control period from 300 periods before it to 800 after
-/// it. Then positions every 50 ms for 1.7 s more: to 2.5 s where the control period is 1 ms. Moved on by
-/// [`advance`](Self::advance) once a period.
+/// Reference around the present: set points of every control period from 300 periods before to 800 periods after now.
+///
+/// Beyond follow positions every 50 ms for 1.7 s, up to 2.5 s with a control period of 1 ms.
+/// [`advance`](Self::advance) shifts it by a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preview<T> {
     position: [T; NEAR],
@@ -26,24 +27,24 @@ pub struct Preview<T> {
     period: T,
 }
 
-/// Distant set points behind the near ones.
+/// Number of positions every 50 ms after the last control period of a [`PreviewAhead`].
 pub const DISTANT: usize = FAR - 1;
 
-/// Set points after now, as far as they are known.
+/// Future set points, as far as they are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreviewAhead<T> {
-    /// Control periods after now that are known; 0 where only the set point of now is.
+    /// Number of known future control periods; 0 if only the present set point is known.
     pub length: T,
-    /// Position of each control period after now \[m\].
+    /// Position in each future control period \[m\].
     pub position: [T; PERIODS_AHEAD],
-    /// Its velocity \[m/s\].
+    /// Velocity in each future control period \[m/s\].
     pub velocity: [T; PERIODS_AHEAD],
-    /// Positions every 50 ms behind these \[m\].
+    /// Positions every 50 ms after the last of these control periods \[m\].
     pub distant: [T; DISTANT],
 }
 
 impl<T: Real> PreviewAhead<T> {
-    /// Without preview.
+    /// No known future set points.
     pub fn unknown() -> Self {
         let zero = T::zero();
         Self {
@@ -54,8 +55,8 @@ impl<T: Real> PreviewAhead<T> {
         }
     }
 
-    /// Of a trajectory, `at` being its set point at a time \[s\] after now, up to a number of control
-    /// periods \[s\] after now; zero beyond.
+    /// Future set points of a trajectory for `length` control periods of `period` \[s\]; zero beyond. `at(t)` is the
+    /// set point at a time t \[s\] relative to now.
     pub fn new(period: T, length: usize, at: impl Fn(T) -> SetPoint<T>) -> Self {
         let zero = T::zero();
         let near = |k: usize| match k < length {
@@ -76,7 +77,7 @@ impl<T: Real> PreviewAhead<T> {
     }
 }
 
-/// Set points of the control periods before now, the oldest first.
+/// Set points of the past control periods, the oldest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreviewBehind<T> {
     position: [T; PERIODS_BEHIND],
@@ -93,12 +94,12 @@ impl<T: Copy> Memory<T> for PreviewBehind<T> {
 }
 
 impl<T: Real> PreviewBehind<T> {
-    /// At rest at a position \[m\].
+    /// Reference at rest at a position \[m\].
     pub fn at_rest(position: T) -> Self {
         Self { position: [position; PERIODS_BEHIND], velocity: [T::zero(); PERIODS_BEHIND] }
     }
 
-    /// The same at rest at a position \[m\] where `mask` holds.
+    /// Reference at rest at a position \[m\] where `mask` holds, else unchanged.
     #[must_use]
     pub fn at_rest_where(&self, mask: T::Mask, position: T) -> Self {
         let rows: [[T; 2]; PERIODS_BEHIND] =
@@ -109,7 +110,7 @@ impl<T: Real> PreviewBehind<T> {
         Self { position: rows.map(|[x, _]| x), velocity: rows.map(|[_, v]| v) }
     }
 
-    /// A control period later.
+    /// Shifts by a control period; `now` becomes the newest set point.
     pub fn advance(&mut self, now: SetPoint<T>) {
         self.position.copy_within(1.., 0);
         self.velocity.copy_within(1.., 0);
@@ -125,7 +126,7 @@ fn far_time<T: Real>(period: T, number: usize) -> T {
 }
 
 impl<T: Real> Preview<T> {
-    /// A trajectory that is known ahead: `at` is its set point so long \[s\] after now, and before now where that is negative.
+    /// Preview of a known trajectory. `at(t)` is its set point at a time t \[s\] relative to now, also negative.
     ///
     /// `period` is the control period \[s\].
     pub fn new(period: T, at: impl Fn(T) -> SetPoint<T>) -> Self {
@@ -138,8 +139,8 @@ impl<T: Real> Preview<T> {
         }
     }
 
-    /// Known part of a trajectory: past, present and future set points, the last moved by `offset` \[m\].
-    /// Beyond it the velocity is constant.
+    /// Preview from past, present and known future set points; these future ones are offset by `offset` \[m\]. Beyond
+    /// them the velocity is constant.
     pub fn known(
         period: T,
         behind: &PreviewBehind<T>,
@@ -186,7 +187,7 @@ impl<T: Real> Preview<T> {
         }
     }
 
-    /// A reference that rests at a position \[m\].
+    /// Reference at rest at a position \[m\], with a control period \[s\].
     pub fn at_rest(period: T, position: T) -> Self {
         Self {
             position: [position; NEAR],
@@ -196,7 +197,8 @@ impl<T: Real> Preview<T> {
         }
     }
 
-    /// Moves on by a control period along a trajectory that is known ahead, `at` being its set point so long \[s\] after the new now.
+    /// Shifts by a control period along a known trajectory. `at(t)` is its set point at a time t \[s\] relative to
+    /// the new present.
     pub fn advance(&mut self, at: impl Fn(T) -> SetPoint<T>) {
         self.position.copy_within(1.., 0);
         self.velocity.copy_within(1.., 0);
@@ -206,7 +208,8 @@ impl<T: Real> Preview<T> {
         self.far = core::array::from_fn(|k| at(far_time(self.period, k)).position);
     }
 
-    /// Moves on by a control period where only the set point of now is known, as with a joystick: it is taken to keep its velocity.
+    /// Shifts by a control period if only the present set point is known, as with a joystick; its velocity is
+    /// extrapolated.
     pub fn advance_without_preview(&mut self, now: SetPoint<T>) {
         self.position.copy_within(1..=PERIODS_BEHIND, 0);
         self.velocity.copy_within(1..=PERIODS_BEHIND, 0);
@@ -218,14 +221,14 @@ impl<T: Real> Preview<T> {
         self.far = core::array::from_fn(|k| at(far_time(self.period, k)));
     }
 
-    /// Moves the whole trajectory by a distance \[m\].
+    /// Offsets all positions by a distance \[m\].
     pub fn shift(&mut self, distance: T) {
         for position in self.position.iter_mut().chain(&mut self.far) {
             *position = *position + distance;
         }
     }
 
-    /// The set point of now.
+    /// Present set point.
     pub fn now(&self) -> SetPoint<T> {
         SetPoint {
             position: self.position[PERIODS_BEHIND],
@@ -233,12 +236,13 @@ impl<T: Real> Preview<T> {
         }
     }
 
-    /// The control period \[s\].
+    /// Control period \[s\].
     pub fn period(&self) -> T {
         self.period
     }
 
-    /// Position and velocity so long \[s\] after now: between −300 and 800 periods, beyond that those at the ends.
+    /// Set point at a time `after` \[s\] relative to now, by linear interpolation; constant beyond −300 and 800
+    /// control periods.
     #[inline(always)]
     pub fn at(&self, after: T) -> SetPoint<T> {
         let place = after / self.period + T::lit(PERIODS_BEHIND as f64);
@@ -248,7 +252,8 @@ impl<T: Real> Preview<T> {
         }
     }
 
-    /// Position \[m\] so long \[s\] after now, between −0.2 and 2.5 s: beyond 0.8 s, linear between the distant set points.
+    /// Position \[m\] at a time `after` \[s\] relative to now, by linear interpolation; constant before −300 control
+    /// periods and beyond 2.5 s, if the control period is 1 ms.
     #[inline(always)]
     pub fn position(&self, after: T) -> T {
         let near =
@@ -258,7 +263,7 @@ impl<T: Real> Preview<T> {
         T::select(beyond.lt(T::zero()), near, far)
     }
 
-    /// Largest acceleration \[m/s²\] of the reference between −0.2 and 0.8 s, as the mean over 30 ms.
+    /// Largest acceleration of the reference between −0.2 s and 0.8 s, as a mean over 30 ms \[m/s²\].
     pub fn largest_acceleration(&self) -> T {
         const SPAN: usize = 30;
         let spans =

@@ -1,10 +1,10 @@
-//! Velocity profiles: a move from point to point with trapezoidal or S-shaped ramps, and the motion of section 5.3 made of
-//! two such moves, out, dwell and back.
+//! Velocity profiles: a move from point to point with trapezoidal or S-shaped ramps, and the motion of section 5.3
+//! made of two such moves, out, dwell and back.
 
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Where the piston shall be.
+    /// Set point of the piston: position and velocity.
     pub struct SetPoint<T> {
         /// Position, x_ref
         #[unit = "m"]
@@ -15,7 +15,7 @@ record! {
     }
 }
 
-/// How the velocity rises and falls.
+/// Shape of the velocity ramps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RampShape {
     /// Linear ramps, as published: steps in acceleration.
@@ -25,38 +25,50 @@ pub enum RampShape {
     SCurve,
 }
 
-/// Out from `start` to `end`, dwell, and back.
+/// Motion of section 5.3 from `start` to `end` and back, with a dwell between.
+///
+/// ```
+/// use hydroboom_control::reference::profile::{OutAndBack, RampShape};
+///
+/// let profile = RampShape::Trapezoidal;
+/// let motion =
+///     OutAndBack::<f64> { start: 0.1, end: 0.3, speed: 0.1, ramp: 0.5, dwell: 1.0, rest: 2.0, profile };
+/// // 0.2 m at 0.1 m/s, longer by one ramp
+/// assert!((motion.travel_time() - 2.5).abs() < 1e-12);
+/// let dwelling = motion.reference(motion.rest + motion.travel_time() + 0.5);
+/// assert!((dwelling.position - 0.3).abs() < 1e-12 && dwelling.velocity.abs() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutAndBack<T> {
-    /// First position \[m\].
+    /// Initial position \[m\].
     pub start: T,
     /// Far position \[m\].
     pub end: T,
-    /// Speed between the ramps \[m/s\].
+    /// Speed between the ramps \[m/s\], positive.
     pub speed: T,
-    /// Duration of each ramp \[s\].
+    /// Duration of each ramp \[s\], positive.
     pub ramp: T,
-    /// Rest at the far position \[s\].
+    /// Duration of the rest at the far position \[s\].
     pub dwell: T,
-    /// Rest before and after \[s\].
+    /// Duration of the rest before and after the motion \[s\].
     pub rest: T,
     /// Shape of the ramps.
     pub profile: RampShape,
 }
 
 impl<T: Real> OutAndBack<T> {
-    /// Duration of one way \[s\], the ramps included.
+    /// Duration of a single move \[s\], ramps included.
     pub fn travel_time(&self) -> T {
         (self.end - self.start).abs() / self.speed + self.ramp
     }
 
-    /// Duration of the whole motion \[s\], the rests included.
+    /// Duration of the whole motion \[s\], rests included.
     pub fn duration(&self) -> T {
         let two = T::lit(2.0);
         two * self.rest + two * self.travel_time() + self.dwell
     }
 
-    /// Position and velocity at the time `t` \[s\].
+    /// Set point at the time `t` \[s\]; at rest before 0 and after [`duration`](Self::duration).
     #[inline(always)]
     pub fn reference(&self, t: T) -> SetPoint<T> {
         let travel = self.travel_time();
@@ -79,12 +91,12 @@ impl<T: Real> OutAndBack<T> {
     }
 }
 
-/// A single move, begun at t = 0.
+/// Point-to-point move from t = 0, with velocity ramps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointToPoint<T> {
     /// Distance \[m\], not negative.
     pub distance: T,
-    /// Speed between the ramps \[m/s\]. A way too short to reach it peaks below.
+    /// Speed between the ramps \[m/s\], positive; a distance too short to reach it has a lower peak speed.
     pub speed: T,
     /// Duration of each ramp \[s\].
     pub ramp: T,
@@ -93,12 +105,12 @@ pub struct PointToPoint<T> {
 }
 
 impl<T: Real> PointToPoint<T> {
-    /// Duration \[s\], the ramps included.
+    /// Duration of the move \[s\], ramps included.
     pub fn duration(&self) -> T {
         self.distance / self.speed + self.ramp
     }
 
-    /// Distance and speed at the time `t` \[s\].
+    /// Travelled distance \[m\] and speed \[m/s\] at the time `t` \[s\].
     #[inline(always)]
     pub fn at(&self, t: T) -> SetPoint<T> {
         // the speed is the rise begun at 0 less the one begun at the end of the cruise

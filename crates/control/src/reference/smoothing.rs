@@ -1,6 +1,7 @@
 //! Zero-phase smoothing of a reference: a moving average over a window that reaches as far ahead as behind.
 //!
-//! Along a trapezoidal velocity profile its acceleration is continuous and its jerk limited, as inverse dynamics need it.
+//! Along a trapezoidal velocity profile its acceleration is continuous and its jerk limited, as inverse dynamics need
+//! it.
 
 use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
@@ -9,24 +10,25 @@ use hydroboom_math::{Real, record};
 const POINTS: usize = 6;
 
 record! {
-    /// A reference with its derivatives.
+    /// Smoothed set point: position and its first three derivatives.
     pub struct SmoothSetPoint<T> {
-        /// Position
+        /// Smoothed position
         #[unit = "m"]
         pub position: T,
-        /// Velocity
+        /// Velocity of the smoothed position
         #[unit = "m/s"]
         pub velocity: T,
-        /// Acceleration
+        /// Acceleration of the smoothed position
         #[unit = "m/s²"]
         pub acceleration: T,
-        /// Jerk
+        /// Jerk of the smoothed position
         #[unit = "m/s³"]
         pub jerk: T,
     }
 }
 
-/// A reference, `at` being its set point so long \[s\] after now, averaged over a window \[s\] about the time `after` \[s\].
+/// Reference averaged over a window of length `window` \[s\], centred at the time `after` \[s\]. `at(t)` is the set
+/// point at a time t \[s\] relative to now.
 #[inline(always)]
 pub fn smoothed<T: Real>(at: impl Fn(T) -> SetPoint<T>, window: T, after: T) -> SmoothSetPoint<T> {
     let half = T::lit(0.5) * window;

@@ -1,5 +1,5 @@
-//! Feasible reference under the motor's speed limit: a trajectory that is faster starts earlier, by half of
-//! its delay at the limit.
+//! Feasible reference under the motor's speed limit: a too fast trajectory is started earlier, by half of its delay
+//! at the limit.
 //!
 //! So its lead at the start equals its lag at the end.
 
@@ -12,7 +12,7 @@ use hydroboom_math::Real;
 const SPACING: f64 = 0.05;
 const PREVIEW_POINTS: usize = 51;
 
-/// Offsets of the feasible reference from the commanded one.
+/// State of the feasible reference: its offsets from the commanded reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLimit<T> {
     /// Position \[m\] of the trajectory that starts in time and is limited in speed.
@@ -37,7 +37,7 @@ impl<T: Copy> Memory<T> for SpeedLimit<T> {
 }
 
 impl<T: Real> SpeedLimit<T> {
-    /// The same at rest at a position \[m\] where `mask` holds.
+    /// Reference at rest at a position \[m\] where `mask` holds, else unchanged.
     #[must_use]
     pub fn at_rest_where(self, mask: T::Mask, position: T) -> Self {
         let rows = self.behind.map(|offset| [offset]);
@@ -52,7 +52,7 @@ impl<T: Real> SpeedLimit<T> {
         }
     }
 
-    /// At rest at a position \[m\].
+    /// Reference at rest at a position \[m\].
     pub fn at_rest(position: T) -> Self {
         let zero = T::zero();
         Self {
@@ -63,7 +63,7 @@ impl<T: Real> SpeedLimit<T> {
         }
     }
 
-    /// A period on; `fastest` \[m/s\] are the speeds that the motor reaches outwards and inwards.
+    /// One control period. `fastest` are the largest piston speeds outwards and inwards \[m/s\].
     pub fn update(&mut self, preview: &Preview<T>, fastest: [T; 2]) {
         let period = preview.period();
         let spacing = T::lit(SPACING);
@@ -96,13 +96,14 @@ impl<T: Real> SpeedLimit<T> {
         self.feasible = moved(self.feasible, preview.position(period + sooner), period);
     }
 
-    /// Whether any offset is more than a micrometre.
+    /// Whether any offset exceeds 1 µm.
     pub fn is_active(&self) -> T::Mask {
         let largest = largest(&self.behind, largest(&self.ahead, T::zero()));
         T::lit(1e-6).lt(largest)
     }
 
-    /// The feasible reference so long \[s\] after now, with the control period \[s\]; `is_active` as of [`is_active`](Self::is_active).
+    /// Feasible reference at a time `after` \[s\] relative to now. `period` is the control period \[s\]; `is_active`
+    /// the result of [`is_active`](Self::is_active).
     #[inline(always)]
     pub fn reference(
         &self,
@@ -124,7 +125,8 @@ impl<T: Real> SpeedLimit<T> {
         }
     }
 
-    /// Offset \[m\] of the feasible reference so long \[s\] after now, between −300 periods and 2.5 s, and its rate \[m/s\].
+    /// Offset of the feasible reference \[m\] and its rate \[m/s\] at a time `after` \[s\] relative to now, between
+    /// −300 control periods and 2.5 s.
     #[inline(always)]
     pub fn at(&self, after: T, period: T) -> [T; 2] {
         let spacing = T::lit(SPACING);

@@ -2,13 +2,13 @@
 
 use crate::reference::profile::{OutAndBack, SetPoint};
 
-/// Where the piston shall be, over time: a path with its time law.
+/// Trajectory of the piston: path and time law.
 pub trait Trajectory: Send + Sync {
-    /// Position and velocity at the time `t` \[s\].
+    /// Set point at the time `t` \[s\].
     fn reference(&self, t: f64) -> SetPoint<f64>;
-    /// Duration \[s\].
+    /// Duration of the trajectory \[s\].
     fn duration(&self) -> f64;
-    /// Largest speed \[m/s\].
+    /// Largest speed of the trajectory \[m/s\].
     fn speed(&self) -> f64;
 }
 

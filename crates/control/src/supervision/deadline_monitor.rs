@@ -1,18 +1,18 @@
-//! Monitor of deadlines: how many of the last periods were missed.
+//! Deadline monitor: number of missed control periods in a sliding window.
 
-/// Periods in the sliding window.
+/// Length of the sliding window \[control periods\].
 pub const WINDOW: u32 = 256;
 const WORDS: usize = (WINDOW / 64) as usize;
 
-/// Missed periods in a sliding window, one bit each, the newest first.
+/// Monitor of missed deadlines in a sliding window of control periods, one bit each, the newest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeadlineMonitor {
     missed: [u64; WORDS],
 }
 
 impl DeadlineMonitor {
-    /// Takes in a period that was executed after `missed` ones that were not; how many of the last
-    /// [`WINDOW`] were missed.
+    /// Registers an executed control period after `missed` ones that were not executed. Returns the number of missed
+    /// ones among the last [`WINDOW`] control periods.
     pub fn executed(&mut self, missed: u32) -> u32 {
         (0..missed.min(WINDOW)).for_each(|_| self.shift(true));
         self.shift(false);

@@ -1,4 +1,4 @@
-//! Monitor of the drive: does the motor turn as commanded?
+//! Drive monitor: measured motor speed against the envelope of its commands.
 //!
 //! A slow drive may still be anywhere between the speeds it has been commanded; that envelope closes as the
 //! slowest drive does, within its limits of slew and torque:
@@ -11,15 +11,15 @@ use core::f64::consts::TAU;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Numbers of the monitor.
+    /// Settings of the drive monitor.
     pub struct DriveMonitor<T> {
-        /// Slowest response of the speed loop, with the fieldbus: time constant
+        /// Time constant of the slowest speed loop, including the fieldbus
         #[unit = "s"]
         pub response: T,
         /// Slew limit of the drive
         #[unit = "rev/s²"]
         pub slew: T,
-        /// Smallest torque that the motor has, T_max
+        /// Smallest value of the motor's largest torque, T_max
         #[unit = "N·m"]
         pub torque: T,
         /// Moment of inertia of motor and pump, J
@@ -28,53 +28,53 @@ record! {
         /// Displacement of the pump, D
         #[unit = "m³/rev"]
         pub displacement: T,
-        /// Deviation beyond what that response explains that counts as not following
+        /// Deviation of the motor speed from the envelope above which it counts as not following
         #[unit = "rev/s"]
         pub deviation: T,
-        /// Time for which it must last
+        /// Duration of such a deviation until it is a fault
         #[unit = "s"]
         pub deviation_time: T,
-        /// Speed against the command, or beyond it, that counts as uncommanded
+        /// Motor speed against or beyond the command above which it counts as uncommanded
         #[unit = "rev/s"]
         pub uncommanded: T,
-        /// Share of the commanded speed that a drive may overshoot besides, under an overhauling load
+        /// Overshoot allowed in addition, as a share of the commanded speed, under an overhauling load
         #[unit = "1"]
         pub overshoot: T,
-        /// Time for which it must last
+        /// Duration of an uncommanded speed until it is a fault
         #[unit = "s"]
         pub uncommanded_time: T,
     }
 }
 
 record! {
-    /// State of the monitor.
+    /// State of the drive monitor: envelope of motor speeds, and durations.
     pub struct DriveMonitorState<T> {
-        /// Largest speed that a slow drive may still have
+        /// Upper end of the envelope: largest speed of the slowest drive
         #[unit = "rev/s"]
         pub high: T,
-        /// Smallest speed that it may still have
+        /// Lower end of the envelope: smallest speed of the slowest drive
         #[unit = "rev/s"]
         pub low: T,
-        /// Time for which the speed has deviated
+        /// Duration of the present deviation
         #[unit = "s"]
         pub deviating: T,
-        /// Time for which it has been uncommanded
+        /// Duration of the present uncommanded speed
         #[unit = "s"]
         pub uncommanded: T,
     }
 }
 
-/// What the motor speed says of the drive.
+/// Result of the drive monitor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveVerdict<M> {
-    /// It turns although commanded to stand still, or against its command.
+    /// The motor turns although commanded to stand still, or against its command.
     pub uncommanded: M,
-    /// It turns slower or faster than commanded.
+    /// The motor turns slower or faster than its commands explain.
     pub deviates: M,
 }
 
 impl<T: Real> DriveMonitorState<T> {
-    /// A motor speed \[rev/s\] as far as the drive can have it after what it was commanded.
+    /// Measured motor speed `read` \[rev/s\], clamped to the envelope of the commands, extended to zero.
     #[inline(always)]
     pub fn plausible(&self, read: T) -> T {
         read.clamp(self.low.min(T::zero()), self.high.max(T::zero()))
@@ -82,8 +82,10 @@ impl<T: Real> DriveMonitorState<T> {
 }
 
 impl<T: Real> DriveMonitor<T> {
-    /// Judges the motor speed `read` \[rev/s\] under the speed `commanded` in the last period and the pump's
-    /// pressure difference, p_PA − p_PB \[Pa\], after `elapsed` \[s\].
+    /// Compares the measured motor speed `read` \[rev/s\] with the envelope of the commands.
+    ///
+    /// `commanded` is the speed commanded in the last period \[rev/s\], `pressure` the pump's pressure difference
+    /// p_PA − p_PB \[Pa\], and `elapsed` the time since the last call \[s\].
     #[inline(always)]
     pub fn judge(
         &self,

@@ -14,7 +14,7 @@ pub enum Reaction {
 }
 
 impl Reaction {
-    /// Both.
+    /// All reactions.
     pub const ALL: [Self; 2] = [Self::ControlledStop, Self::ImmediateStop];
 
     /// Name in tables.
@@ -26,25 +26,25 @@ impl Reaction {
     }
 }
 
-/// How severe a fault is: a more severe one takes the place of a less severe one at any time.
+/// Severity of a fault; a more severe fault replaces a less severe one at any time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Drive and valve obey: the load is brought to rest before it is held.
+    /// Drive and valve obey: the load is brought to rest, then held.
     Controlled,
     /// The load is held at once.
     Immediate,
-    /// A person pressed the emergency stop.
+    /// A person has pressed the emergency stop.
     Emergency,
 }
 
 macro_rules! causes {
     ($( $(#[doc = $doc:literal])* $Cause:ident: $severity:ident, $code:literal, $advice:literal; )+) => {
-        /// Why the supervisor brought the machine to its safe state.
+        /// Cause of a fault, for which the supervisor brings the machine to its safe state.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Cause { $( $(#[doc = $doc])* $Cause, )+ }
 
         impl Cause {
-            /// All of them.
+            /// All causes.
             pub const ALL: [Self; [$($code),+].len()] = [$(Self::$Cause),+];
 
             /// Code in logs and messages.
@@ -52,12 +52,12 @@ macro_rules! causes {
                 match self { $( Self::$Cause => $code, )+ }
             }
 
-            /// What a person should look at.
+            /// Advice to the operator: where to look for the cause.
             pub fn advice(self) -> &'static str {
                 match self { $( Self::$Cause => $advice, )+ }
             }
 
-            /// How severe it is.
+            /// Severity of the fault.
             pub fn severity(self) -> Severity {
                 match self { $( Self::$Cause => Severity::$severity, )+ }
             }
@@ -183,8 +183,8 @@ pub(crate) fn is_held_at_once<T: Real>(number: T) -> T::Mask {
 }
 
 impl Cause {
-    /// Its number, in the status of exported blocks: from 1 on where the load is held at once, from 51 on
-    /// where it is brought to rest first.
+    /// Number of the cause in the status of exported blocks: from 1 on for an immediate stop, from 51 on for a
+    /// controlled stop.
     pub fn number(self) -> f64 {
         let place = Self::ALL.iter().take_while(|cause| **cause != self).count() as f64 + 1.0;
         match self.severity() {
@@ -193,13 +193,13 @@ impl Cause {
         }
     }
 
-    /// The cause of this number; none where there is none.
+    /// Cause with this number; `None` for a number without a cause.
     pub fn from_number(number: f64) -> Option<Self> {
         Self::ALL.into_iter().find(|cause| cause.number() == number)
     }
 
-    /// What the machine does about it while its valve is open. Which reaction does less harm is
-    /// computed by `hydroboom supervision --reactions` and stands in the table of hazards.
+    /// Reaction of the machine while its valve is open. Which reaction does less harm is computed by `hydroboom
+    /// supervision --reactions` and stands in the table of hazards.
     pub fn reaction(self) -> Reaction {
         match self.severity() {
             Severity::Controlled => Reaction::ControlledStop,
@@ -207,7 +207,7 @@ impl Cause {
         }
     }
 
-    /// The more severe of two; the first where they are alike.
+    /// The more severe of two causes; the first one for equal severity.
     pub fn worse(self, other: Self) -> Self {
         if other.severity() > self.severity() { other } else { self }
     }

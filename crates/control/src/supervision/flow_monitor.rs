@@ -28,7 +28,7 @@ const WINDOWS: usize = 6;
 /// Transition pressures over their range for which the oil's hysteresis is computed.
 const TRANSITIONS: u32 = 5;
 
-/// A range.
+/// Closed interval of a parameter, in the parameter's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Smallest value.
@@ -37,36 +37,36 @@ pub struct Range {
     pub high: f64,
 }
 
-/// Numbers of the monitor, from a crane file.
+/// Monitor of position against delivered flow: its parameters, from a crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowMonitor {
-    /// Area of the piston on the balanced side, A \[m²\].
+    /// Area of the piston on the load-carrying side, A \[m²\].
     pub area: f64,
-    /// Displacement, D \[m³/rev\].
+    /// Pump displacement, D \[m³/rev\].
     pub displacement: f64,
-    /// Range of the volume that arrives for each displaced one, k.
+    /// Range of the flow gain k \[1\]: delivered volume per displaced volume.
     pub gain: Range,
-    /// Range of the leakage, as a factor of the described one, λ.
+    /// Range of the leakage λ \[1\], relative to its value in the crane file.
     pub leakage: Range,
-    /// Range of the slip that grows with speed, c \[m³/(rev Pa)\].
+    /// Range of the speed-dependent slip, c \[m³/(rev Pa)\].
     pub slip: Range,
-    /// Leakage between the pump's sides, K \[m³/(s √Pa)\].
+    /// Leakage coefficient between the pump's sides, K \[m³/(s √Pa)\].
     pub internal_leakage: f64,
-    /// Case drain of the pump side, K_ext \[m³/(s √Pa)\].
+    /// Case drain coefficient of the pump side, K_ext \[m³/(s √Pa)\].
     pub case_leakage: f64,
     /// Volume of the pump side, V_PA \[m³\].
     pub pump_volume: f64,
-    /// Volume of the cylinder chamber at its smallest, V_0A \[m³\].
+    /// Smallest volume of the load-carrying cylinder chamber, V_0A \[m³\].
     pub dead_volume: f64,
-    /// The oil as it may be: stiffest and softest.
+    /// Oil at the ends of its range: stiffest, softest.
     pub oils: [Oil<f64>; 2],
-    /// How far the oil's transition falls once it has dissolved its air \[Pa\].
+    /// Reduction of the oil's transition pressure with all air dissolved \[Pa\].
     pub air_shift: f64,
     /// Length of the stroke \[m\].
     pub stroke: f64,
-    /// +1 where the piston side is balanced, −1 where the rod side is: the side that carries the load.
+    /// +1 where the piston side carries the load, −1 where the rod side does.
     pub direction: f64,
-    /// Disagreement that noise, ripple and delay explain \[m\].
+    /// Disagreement explained by noise, ripple and delay, as piston travel \[m\].
     pub tolerance: f64,
 }
 
@@ -89,7 +89,7 @@ struct Balance {
     age: f64,
 }
 
-/// State of the monitor.
+/// State of the monitor: sums over sliding windows and since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlowMonitorState {
     whole: Balance,
@@ -100,26 +100,27 @@ pub struct FlowMonitorState {
     last: Option<FlowReading>,
 }
 
-/// What the monitor is shown.
+/// Measurements of a control period for the monitor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlowReading {
     /// Piston position \[m\].
     pub stroke: f64,
     /// Motor speed \[rev/s\].
     pub motor_speed: f64,
-    /// Pressures of the pump side and the cylinder chamber that carry the load, of the other pump side
-    /// and of the accumulator \[Pa\].
+    /// Gauge pressures \[Pa\]: pump side and cylinder chamber that carry the load, other pump side, accumulator.
     pub pressures: [f64; 4],
 }
 
-/// Seconds that a window lasts.
+/// Length of a window \[s\].
 pub const WINDOW_TIME: f64 = 5.0;
-/// Age that the oldest window has at least: windows begin one after the other \[s\].
+/// Smallest age of the oldest window \[s\]; windows begin one after the other.
 pub const LEAST_WINDOW: f64 = WINDOW_TIME * (WINDOWS as f64 - 1.0) / WINDOWS as f64;
 
 impl FlowMonitor {
-    /// Takes in a reading after `elapsed` \[s\]: by how much no values in their ranges explain it
-    /// \[m\] of piston travel, beyond the tolerance; zero where they do.
+    /// Adds a measurement, `elapsed` \[s\] after the last one. Returns the disagreement of position and delivered
+    /// volume as piston travel \[m\].
+    ///
+    /// The disagreement is what no parameters within their ranges explain, beyond the tolerance; zero if some do.
     pub fn advance(&self, state: &mut FlowMonitorState, now: &FlowReading, elapsed: f64) -> f64 {
         let Some(last) = state.last.replace(*now) else { return 0.0 };
         let [pump, load, pump_b, accumulator] = now.pressures;
@@ -161,8 +162,8 @@ impl FlowMonitor {
         worst.fold(0.0, f64::max)
     }
 
-    /// Smallest drift of the position at rest that is surely found within a time \[s\], wherever in its
-    /// range the leakage is, at a load pressure \[Pa\] \[m/s\].
+    /// Smallest drift of the position at rest \[m/s\] that is certainly detected within the time `within` \[s\], for
+    /// any leakage in its range, at a load pressure \[Pa\].
     pub fn smallest_drift(&self, within: f64, pressure: f64) -> f64 {
         let leaked = (self.internal_leakage + self.case_leakage) * signed_root(pressure);
         // what leaks, and what the pump delivers to make it good
@@ -171,23 +172,24 @@ impl FlowMonitor {
         self.tolerance / within + (leaks + makes_good) / self.area
     }
 
-    /// Smallest relative error of the position's gain that is found over a fast travel \[m\], wherever
-    /// in their ranges the pump's gain and slip are, at a load pressure \[Pa\].
+    /// Smallest relative error of the position's gain \[1\] that is certainly detected over a fast travel \[m\], for
+    /// any flow gain and slip in their ranges, at a load pressure \[Pa\].
     pub fn smallest_gain_error(&self, travel: f64, pressure: f64) -> f64 {
         let middle = 0.5 * (self.gain.high + self.gain.low);
         let slip = (self.slip.high - self.slip.low) * pressure / self.displacement;
         (self.gain.high - self.gain.low + slip) / middle + self.tolerance / travel
     }
 
-    /// The same monitor against this machine's own delivered flow, as recorded in one good cycle.
+    /// Monitor with narrower ranges of flow gain \[1\], leakage \[1\] and slip \[m³/(rev Pa)\], identified on this
+    /// machine.
     #[must_use]
     pub fn with_baseline(mut self, gain: Range, leakage: Range, slip: Range) -> Self {
         (self.gain, self.leakage, self.slip) = (gain, leakage, slip);
         self
     }
 
-    /// Sums since the balance began: what the piston swept with the oil's compression, the displaced
-    /// volume V, the leakage L at its described value \[m³\], and P \[rev Pa\].
+    /// Sums since the start: volume swept by the piston plus compression \[m³\], displaced volume V \[m³\], leaked
+    /// volume L by the crane file's leakage \[m³\], revolutions times pressure P \[rev Pa\].
     pub fn sums(state: &FlowMonitorState) -> [f64; 4] {
         let Balance { swept, compressed: [one, other], displaced, leaked, turned, .. } =
             state.whole;

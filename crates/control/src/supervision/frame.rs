@@ -40,15 +40,15 @@ const OFFSET_SHARE: f64 = 0.1;
 const READY_TIME: f64 = 20.0;
 /// Reference velocity below which the reference rests \[m/s\].
 const RESTS: f64 = 1e-6;
-/// Motor speed \[rev/s\] that says that a controller has none to give: no motor turns so fast. Not every language has NaN.
+/// Motor speed \[rev/s\] that stands for "no command": beyond any motor, as not every language has NaN.
 pub const NO_COMMAND: f64 = 1e6;
 /// Slack for rounding in what a reference does within a period \[m\].
 const REFERENCE_SLACK: f64 = 1e-4;
 
-/// The frame: its limits, its monitors, the release.
+/// Frame around an exported controller: release, monitors and limits. Its state is a [`FrameState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame<T> {
-    /// Limits.
+    /// Limits of motion, pressures and times.
     pub limits: FrameLimits<T>,
     /// Monitor of the drive.
     pub drive: DriveMonitor<T>,
@@ -58,37 +58,37 @@ pub struct Frame<T> {
     pub oscillation: OscillationDetector<T>,
 }
 
-/// What a controller is shown within the frame, and what it has to do.
+/// Inputs of the controller within the frame, and its tasks in this control period.
 #[derive(Clone, Copy, Debug)]
 pub struct Directive<T: Real> {
-    /// Piston position and pressures: as read, or the last good ones.
+    /// Piston position \[m\], as measured, or the last plausible one.
     pub stroke: T,
-    /// Pressure on the piston side \[Pa\].
+    /// Gauge pressure on the piston side \[Pa\], as measured, or the last plausible one.
     pub pressure_a: T,
-    /// Pressure on the rod side \[Pa\].
+    /// Gauge pressure on the rod side \[Pa\], as measured, or the last plausible one.
     pub pressure_b: T,
-    /// Motor speed as read, or the last good one \[rev/s\].
+    /// Motor speed \[rev/s\], as measured, or the last plausible one.
     pub motor_speed_read: T,
-    /// The position was plausible, and not replaced.
+    /// Whether the position is a plausible measurement, not a substitute.
     pub position_is_good: T::Mask,
-    /// The pressures were plausible, and not replaced.
+    /// Whether the pressures are plausible measurements, not substitutes.
     pub pressure_is_good: T::Mask,
-    /// Reference, from where the piston was released.
+    /// Followed reference, which starts where the piston was released.
     pub reference: SetPoint<T>,
-    /// Difference of that reference to the one that is given \[m\].
+    /// Offset of the followed reference from the given one \[m\].
     pub offset: T,
     /// Motor speed commanded in the period before \[rev/s\].
     pub motor_speed: T,
-    /// The controller begins in this period: it takes over at that speed.
+    /// Whether the controller starts in this period: bumpless transfer from that motor speed.
     pub begins: T::Mask,
-    /// The controller has the load, from the period in which it begins on.
+    /// Whether the controller is active, from the period in which it starts.
     pub controls: T::Mask,
-    /// It has to do so with its fallback gains.
+    /// Whether the controller has to use its fallback gains.
     pub falls_back: T::Mask,
 }
 
 impl Frame<f64> {
-    /// The frame of a crane's limits, for a controller with a largest tracking error \[m\].
+    /// Frame from a crane's limits, for a controller with a largest tracking error \[m\].
     pub fn new(limits: &Limits, tracking: f64) -> Self {
         let fastest = limits.speed.max(limits.motor_speed * limits.speed_per_motor_speed);
         Self {
@@ -120,7 +120,7 @@ impl Frame<f64> {
         }
     }
 
-    /// The same frame over another number.
+    /// Converts every setting to another number type.
     pub fn over<T: Real>(&self) -> Frame<T> {
         Frame {
             limits: self.limits.map(T::lit),
@@ -206,9 +206,10 @@ impl<T: Real> Transitions<T> {
 }
 
 impl<T: Real> Frame<T> {
-    /// One control period. `ready` says whether the controller could begin; `law` is the controller: shown
-    /// the [`Directive`], it gives the motor speed \[rev/s\] that it wants, or [`NO_COMMAND`]. It is called
-    /// once a period, in every phase.
+    /// One control period.
+    ///
+    /// `ready` says whether the controller could start. `law` is the controller, called once in every period and
+    /// phase: from the [`Directive`] it returns the motor speed \[rev/s\], or [`NO_COMMAND`].
     #[inline(always)]
     pub fn advance(
         &self,

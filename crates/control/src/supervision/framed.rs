@@ -12,42 +12,42 @@ const FALLBACK_SHARE: f64 = 0.3;
 const MEAN_TIME: f64 = 2.0;
 
 record! {
-    /// What a controller within the frame remembers.
+    /// State of the benchmark controller within the frame.
     pub struct FramedMemory<T> {
-        /// Integral share of u_FC, as a velocity
+        /// Integral part of u_FC, as a piston velocity
         #[unit = "m/s"]
         pub integral: T,
         /// Low-passed load pressure
         #[unit = "Pa"]
         pub low_passed: T,
-        /// Mean of the integral, which it is frozen at in a sustained oscillation
+        /// Mean of the integral part, its constant value during a sustained oscillation
         #[unit = "m/s"]
         pub mean_integral: T,
     }
 }
 
-/// The benchmark controller within the frame.
+/// Benchmark controller within the frame. Its state is a [`FramedBenchmarkState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramedBenchmark<T> {
-    /// The frame.
+    /// Frame.
     pub frame: Frame<T>,
-    /// The controller.
+    /// Benchmark controller.
     pub benchmark: Benchmark<T>,
     /// Rod-side area over piston area, A_r/A_p.
     pub area_ratio: T,
 }
 
-/// State of a benchmark controller within the frame.
+/// State of the benchmark controller and of the frame around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FramedBenchmarkState<T> {
-    /// Of the frame.
+    /// State of the frame.
     pub frame: FrameState<T>,
-    /// Of the controller.
+    /// State of the controller.
     pub controller: FramedMemory<T>,
 }
 
 impl<T: Real> FramedBenchmark<T> {
-    /// One control period.
+    /// One control period: next state and outputs.
     #[inline(always)]
     pub fn advance(
         &self,
@@ -67,7 +67,7 @@ impl<T: Real> FramedBenchmark<T> {
 }
 
 record! {
-    /// What a simulated crane shows.
+    /// Signals of the simulated crane.
     pub struct SimulatedCrane<T> {
         /// Piston position
         #[unit = "m"]
@@ -82,48 +82,48 @@ record! {
 }
 
 record! {
-    /// How a simulated crane is kept where the machine is while the load is held.
+    /// Alignment of the simulated crane with the machine while the load is held.
     pub struct Alignment<T> {
-        /// Position that it is led to
+        /// Reference position of the simulated crane
         #[unit = "m"]
         pub position: T,
-        /// Velocity of that
+        /// Reference velocity of the simulated crane
         #[unit = "m/s"]
         pub velocity: T,
-        /// Speed of the simulated crane's motor
+        /// Motor speed of the simulated crane
         #[unit = "rev/s"]
         pub motor: T,
-        /// 1 once it is no longer where the machine is, while the controller has the load
+        /// 1 once the simulated crane deviates too much from the machine while the controller is active
         #[unit = "1"]
         pub is_lost: T,
     }
 }
 
-/// The benchmark controller with simulation feedforward within the frame (section 4, figure 15): the
-/// benchmark on a simulated crane, whose motor speed is the feedforward of the benchmark on the machine.
+/// Benchmark controller with simulation feedforward within the frame (section 4, figure 15).
 ///
-/// While the load is held the simulated crane is led to where the piston is, so that the controller can
-/// begin anywhere.
+/// A benchmark controller on a simulated crane provides the motor speed that is the feedforward of the one on the
+/// machine. While the load is held the simulated crane is led to the piston position, so that the controller can
+/// start anywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramedSimulationFeedforward<T> {
-    /// The frame.
+    /// Frame.
     pub frame: Frame<T>,
-    /// Both controllers.
+    /// Benchmark controller, both for the machine and for the simulated crane.
     pub benchmark: Benchmark<T>,
     /// Rod-side area over piston area, A_r/A_p.
     pub area_ratio: T,
 }
 
-/// State of a simulation feedforward within the frame, but for the simulated crane's.
+/// State of the simulation feedforward within the frame, without that of the simulated crane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FramedSimulationState<T> {
-    /// Of the frame.
+    /// State of the frame.
     pub frame: FrameState<T>,
-    /// Of the controller of the machine.
+    /// State of the machine's controller.
     pub controller: FramedMemory<T>,
-    /// Of the controller of the simulated crane.
+    /// State of the simulated crane's controller.
     pub simulated: BenchmarkMemory<T>,
-    /// How the simulated crane is kept where the machine is.
+    /// Alignment of the simulated crane with the machine.
     pub alignment: Alignment<T>,
 }
 
@@ -134,8 +134,8 @@ const ALIGNMENT: (f64, f64, f64) = (2.0, 0.12, 0.3);
 const ALIGNED: (f64, f64) = (1e-3, 2e-3);
 
 impl<T: Real> FramedSimulationFeedforward<T> {
-    /// One control period, in which the simulated crane stands as shown. Its motor's speed until the next
-    /// one is in the state.
+    /// One control period, with the signals of the simulated crane: next state and outputs. The motor speed for the
+    /// simulated crane until the next period is in the state.
     #[inline(always)]
     pub fn advance(
         &self,

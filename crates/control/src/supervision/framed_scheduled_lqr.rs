@@ -1,8 +1,8 @@
 //! Scheduled LQR with its state estimator within the frame: what is exported to run without the supervisor.
 //!
-//! While the load is held the estimator weighs it and keeps what it knows of oil and drive; the regulator follows the operating point. Both have settled when the
-//! controller begins. Estimates that are not finite, or contradict the measurements for too long, give no command: the frame then holds the load, and the
-//! estimator begins anew.
+//! While the load is held the estimator weighs it and keeps what it knows of oil and drive; the regulator follows the
+//! operating point. Both have settled when the controller begins. Estimates that are not finite, or contradict the
+//! measurements for too long, give no command: the frame then holds the load, and the estimator begins anew.
 
 use crate::estimation::extended_kalman_filter::EstimatorInput;
 use crate::estimation::retained_parameters::RetainedParameters;
@@ -15,80 +15,81 @@ use crate::supervision::frame::{
 };
 use hydroboom_math::{Real, record};
 
-/// Share of the command tolerance, and so about of the gain, that is left once the loop was found in sustained oscillation.
+/// Share of the command tolerance, and so about of the gain, that is left once the loop was found in sustained
+/// oscillation.
 const FALLBACK_SHARE: f64 = 0.3;
 
 record! {
-    /// What the estimator is asked to do in a control period.
+    /// Requests to the state estimator in a control period.
     pub struct EstimatorRequest<T> {
-        /// 1: the estimator begins anew, while the load is held
+        /// 1: the estimator restarts, while the load is held
         #[unit = "0/1"]
         pub reset_estimator: T,
-        /// 1: oil, unknown flow and drive lag stay as they are
+        /// 1: oil parameters, unknown flow and drive lag are not estimated
         #[unit = "0/1"]
         pub freeze_parameters: T,
-        /// 1: the retained parameters that are given are taken, while the load is held
+        /// 1: the given retained parameters are restored, while the load is held
         #[unit = "0/1"]
         pub restore_parameters: T,
     }
 }
 
 record! {
-    /// What the estimator tells in a control period.
+    /// Outputs of the state estimator in a control period.
     pub struct EstimatorOutput<T> {
         /// Mass of the payload
         #[unit = "kg"]
         pub payload: T,
-        /// Its standard deviation
+        /// Standard deviation of the payload
         #[unit = "kg"]
         pub payload_deviation: T,
         /// Unknown force over the piston's area
         #[unit = "Pa"]
         pub disturbance: T,
-        /// 1 where the estimates are finite and agree with the measurements
+        /// 1 where the estimates are finite and consistent with the measurements
         #[unit = "0/1"]
         pub estimator_is_valid: T,
     }
 }
 
-/// What is given in a control period.
+/// Inputs of the scheduled LQR within the frame in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramedScheduledLqrInput<T> {
-    /// The frame's.
+    /// Inputs of the frame.
     pub frame: FrameInput<T>,
-    /// Requests to the estimator.
+    /// Requests to the state estimator.
     pub request: EstimatorRequest<T>,
-    /// Parameters that may be restored.
+    /// Retained parameters, for a request to restore them.
     pub retained: RetainedParameters<T>,
-    /// The reference after now.
+    /// Future set points of the reference.
     pub ahead: PreviewAhead<T>,
 }
 
-/// What is shown in a control period.
+/// Outputs of the scheduled LQR within the frame in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramedScheduledLqrOutput<T> {
-    /// The frame's.
+    /// Outputs of the frame.
     pub frame: FrameOutput<T>,
-    /// The estimator's.
+    /// Outputs of the state estimator.
     pub estimator: EstimatorOutput<T>,
-    /// Parameters to be retained.
+    /// Estimated parameters to be retained for the next run.
     pub retained: RetainedParameters<T>,
 }
 
-/// The scheduled LQR within the frame.
+/// Scheduled LQR and state estimator within the frame. Its state is a [`FramedScheduledLqrState`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramedScheduledLqr<T> {
-    /// The frame.
+    /// Frame.
     pub frame: Frame<T>,
-    /// The estimator.
+    /// State estimator.
     pub estimator: StateEstimator<T>,
-    /// The law.
+    /// Control law.
     pub law: ScheduledLqr<T>,
     /// Rod-side area over piston area, A_r/A_p.
     pub area_ratio: T,
 }
 
-/// State of a scheduled LQR within the frame, but for the frame's.
+/// State of estimator, control law and past reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LqrMemory<T> {
     /// 1 once the estimator has begun.
@@ -98,12 +99,12 @@ pub struct LqrMemory<T> {
     behind: PreviewBehind<T>,
 }
 
-/// State of a scheduled LQR within the frame.
+/// State of the scheduled LQR and of the frame around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FramedScheduledLqrState<T> {
-    /// Of the frame.
+    /// State of the frame.
     pub frame: FrameState<T>,
-    /// Of the controller.
+    /// State of estimator and control law.
     pub controller: LqrMemory<T>,
 }
 
@@ -119,7 +120,7 @@ impl<T: Copy> Memory<T> for LqrMemory<T> {
 }
 
 impl FramedScheduledLqr<f64> {
-    /// The same over another number.
+    /// Converts every setting to another number type.
     pub fn over<T: Real>(&self) -> FramedScheduledLqr<T> {
         FramedScheduledLqr {
             frame: self.frame.over(),
@@ -131,7 +132,7 @@ impl FramedScheduledLqr<f64> {
 }
 
 impl<T: Real> FramedScheduledLqr<T> {
-    /// Nothing has been measured yet: every number is zero.
+    /// State before the first measurement: every number is zero.
     pub fn start(&self) -> LqrMemory<T> {
         let zero = T::zero();
         let nothing = EstimatorInput::from_array([zero; EstimatorInput::NAMES.len()]);
@@ -144,7 +145,7 @@ impl<T: Real> FramedScheduledLqr<T> {
         begun.visited(&mut |_, _| zero)
     }
 
-    /// One control period.
+    /// One control period: next state and outputs.
     #[inline(always)]
     pub fn advance(
         &self,

@@ -1,4 +1,4 @@
-//! What a machine is allowed to do, and what is observed of it in a control period.
+//! Limits of a machine, and observations of a control period for the supervisor.
 
 use super::drive_monitor::DriveMonitor;
 use super::flow_monitor::FlowMonitor;
@@ -7,98 +7,99 @@ use super::supervisor::CONTROLLED_RAMP;
 use crate::measurement::AxisSignals;
 use core::f64::consts::TAU;
 
-/// What is allowed, and the numbers of the monitors: all from a crane file.
+/// Limits of a machine and settings of its monitors, from a crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Control period \[s\].
     pub period: f64,
     /// Length of the stroke \[m\].
     pub stroke: f64,
-    /// Distance from the end stops that a moving piston keeps \[m\].
+    /// Smallest distance of a moving piston from the end stops \[m\].
     pub margin: f64,
     /// Largest speed of the piston \[m/s\].
     pub speed: f64,
-    /// Piston speed for each motor speed \[m/rev\].
+    /// Piston speed per motor speed, D/A \[m/rev\].
     pub speed_per_motor_speed: f64,
-    /// Largest pressure \[Pa\].
+    /// Largest pressure of a node, gauge \[Pa\].
     pub pressure: f64,
-    /// Largest movement of a held load \[m\].
+    /// Largest displacement of a held load \[m\].
     pub creep: f64,
     /// Largest motor speed \[rev/s\].
     pub motor_speed: f64,
-    /// Largest motor slew \[rev/s²\].
+    /// Largest acceleration of the motor \[rev/s²\].
     pub motor_slew: f64,
     /// Duration of a controlled stop \[s\].
     pub stop_time: f64,
-    /// Time without a command after which the drive stops by itself and the valve shuts \[s\].
+    /// Watchdog time \[s\]: without a command for longer the drive stops and the valve shuts by themselves.
     pub watchdog: f64,
-    /// A load is still once its piston has been slower than this \[m/s\] for so long \[s\], a period
-    /// of the load mode.
+    /// Condition for a load at rest: piston speed below the first number \[m/s\] for the second \[s\], a period of
+    /// the load mode.
     pub still: (f64, f64),
-    /// Time for which a state waits for what it needs before it gives up \[s\].
+    /// Longest time for which a state waits for its conditions \[s\].
     pub wait_time: f64,
-    /// Age of the newest reading \[s\] that is too old.
+    /// Largest age of the newest measurement \[s\].
     pub stale: f64,
-    /// A signal that repeats itself to the last bit for so long is stuck \[s\]; zero where sensors have
+    /// Time after which a signal that repeats itself to the last bit counts as stuck \[s\]; zero where sensors have
     /// no noise.
     pub stuck: f64,
-    /// Largest scatter from one reading to the next, RMS over 64 of them: of position \[m\], of a
-    /// pressure \[Pa\].
+    /// Largest scatter between measurements, RMS over 64 of them: of the position \[m\], of a pressure \[Pa\].
     pub scatter: (f64, f64),
-    /// Largest step from one reading to the next of a pressure \[Pa\].
+    /// Largest step of a pressure between two measurements \[Pa\].
     pub pressure_step: f64,
-    /// Largest disagreement of pump-side and cylinder pressure behind an open valve \[Pa\], and for
-    /// how long \[s\].
+    /// Largest disagreement of pump-side and cylinder pressure behind an open valve \[Pa\], and its duration until it
+    /// is a fault \[s\].
     pub pressure_agreement: (f64, f64),
-    /// Missed periods within the deadline monitor's window that are too many.
+    /// Largest number of missed control periods, or of lost measurements, in the deadline monitor's window.
     pub missed: u32,
-    /// Time from the valve's command until it has switched at the latest \[s\].
+    /// Longest time from the valve's command until it has switched \[s\].
     pub valve_time: f64,
-    /// The drive's monitor.
+    /// Monitor of the drive.
     pub drive: DriveMonitor<f64>,
-    /// The monitor of position against delivered flow.
+    /// Monitor of position against delivered flow.
     pub flow: FlowMonitor,
-    /// The release of the load.
+    /// Release of the load.
     pub release: Release<f64>,
 }
 
 impl Limits {
-    /// Distance from an end stop \[m\] at which a piston that moves towards it with `velocity` \[m/s\] has to
-    /// be stopped: a controlled stop ends before it.
+    /// Distance from an end stop \[m\] at which a controlled stop has to begin, for a piston that approaches it with
+    /// `velocity` \[m/s\].
     pub fn end_margin(&self, velocity: f64) -> f64 {
         self.margin.max(velocity.abs() * self.stopping_time())
     }
 
-    /// Way of a controlled stop for each speed \[s\]: half of its ramp, the drive and the readings at the latest, and what
-    /// a stopped load swings on, v/ω of its mode.
+    /// Stopping distance of a controlled stop per piston speed \[s\].
+    ///
+    /// It is the sum of half the motor's ramp, the watchdog time, and the oscillation v/ω of the stopped load in its
+    /// mode.
     pub fn stopping_time(&self) -> f64 {
         0.5 * CONTROLLED_RAMP * self.stop_time + self.watchdog + self.still.1 / TAU
     }
 }
 
-/// State of the load-holding valve, where a machine can read it.
+/// State of the load-holding valve by its position switch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ValveState {
-    /// The load is held.
+    /// Shut: the load is held.
     Shut,
-    /// The load is released.
+    /// Open: the load is released.
     Open,
 }
 
-/// State that a machine reports of itself.
+/// State that a machine reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MachineStatus {
-    /// Nothing is known of it.
+    /// No report.
     Absent,
-    /// It starts.
+    /// Starting up.
     Starting,
-    /// It measures, and its drives are without torque.
+    /// Measuring, with its drives without torque.
     Ready,
-    /// Its drives follow commands.
+    /// Drives follow commands.
     Enabled,
-    /// A fault, which a person resets at the machine.
+    /// Fault, to be reset by a person at the machine.
     Fault {
-        /// The machine's code of it.
+        /// Code of the fault, defined by the machine.
         code: u16,
     },
 }
@@ -116,38 +117,38 @@ impl MachineStatus {
     }
 }
 
-/// What the supervisor observes in a control period.
+/// Inputs of the supervisor in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// Time since the last executed period, by the machine's clock \[s\].
     pub elapsed: f64,
-    /// Newest reading.
+    /// Newest measurement.
     pub reading: AxisSignals<f64>,
-    /// State of the load-holding valve, as read; none where the machine cannot read it.
+    /// State of the load-holding valve; `None` if the machine has no position switch.
     pub valve: Option<ValveState>,
-    /// State that the machine reports; none where it reports none.
+    /// Reported state of the machine; `None` if it reports none.
     pub machine: Option<MachineStatus>,
-    /// Age of the reading \[s\].
+    /// Age of the measurement \[s\].
     pub age: f64,
-    /// Readings that were made since the one seen last: one in good times, none where nothing came, more
-    /// where some were missed.
+    /// Number of measurements since the last control period: normally one, zero if none arrived, more if some were
+    /// missed.
     pub new_readings: u32,
-    /// Measurements that were sent since the one seen last and never arrived.
+    /// Number of measurements that were sent since the last control period and never arrived.
     pub lost_readings: u32,
-    /// Whether commands do not reach the machine, or its attachment has stopped it for want of commands.
+    /// Whether commands do not reach the machine, or its watchdog has stopped it.
     pub commands_lost: bool,
-    /// Reference position \[m\]; the position of the start before the course begins.
+    /// Reference position \[m\]; before a course begins, its start position.
     pub reference: f64,
-    /// Largest tracking error under the strategy at work \[m\].
+    /// Largest tracking error of the active strategy \[m\].
     pub tracking: f64,
-    /// Motor speed that the controller asks for \[rev/s\].
+    /// Motor speed requested by the controller \[rev/s\].
     pub wanted: f64,
-    /// Whether the course is over.
+    /// Whether the course has ended.
     pub course_over: bool,
-    /// Periods missed since the last executed one.
+    /// Number of missed control periods since the last executed one.
     pub missed: u32,
     /// Whether an operator is present.
     pub attended: bool,
-    /// Whether the clock went back, or far ahead.
+    /// Whether the clock went backwards, or far ahead.
     pub clock_jumped: bool,
 }

@@ -1,5 +1,4 @@
-//! Detector of sustained oscillation: a loop whose control error goes to and fro at rest and does not
-//! die out.
+//! Detector of sustained oscillation of the control error while the reference rests.
 //!
 //! While the reference rests the detector finds the turning points of the error (with hysteresis, as
 //! rainflow counting does) and compares the range R of each half-cycle with those before.
@@ -16,62 +15,62 @@
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Numbers of the detector.
+    /// Settings of the detector of sustained oscillation.
     pub struct OscillationDetector<T> {
-        /// Smallest range of a half-cycle that counts, R_min
+        /// Smallest range of a half-cycle, R_min
         #[unit = "m"]
         pub range: T,
-        /// Share of a range that is left a second later where an oscillation just counts as sustained, s
+        /// Share of a half-cycle's range that remains after a second at the limit of sustained oscillation, s
         #[unit = "1"]
         pub sustained: T,
-        /// Scatter of ranges that is borne, q
+        /// Smallest ratio of a half-cycle's range to the decayed range of those before, q
         #[unit = "1"]
         pub scatter: T,
-        /// Half-cycles one after the other, m
+        /// Number of consecutive half-cycles, m
         #[unit = "1"]
         pub half_cycles: T,
-        /// Time that they take at least, T
+        /// Smallest duration of these half-cycles, T
         #[unit = "s"]
         pub time: T,
-        /// Longest half-cycle that counts
+        /// Longest duration of a half-cycle
         #[unit = "s"]
         pub slowest: T,
     }
 }
 
 record! {
-    /// State of the detector.
+    /// State of the detector of sustained oscillation.
     pub struct OscillationState<T> {
-        /// 1 while the error rises, −1 while it falls, 0 before anything was seen
+        /// 1 while the error rises, −1 while it falls, 0 before the first error
         #[unit = "1"]
         pub direction: T,
-        /// Extreme of the error since the last turning point
+        /// Extreme of the control error since the last turning point
         #[unit = "m"]
         pub extreme: T,
-        /// Error at the last turning point
+        /// Control error at the last turning point
         #[unit = "m"]
         pub turned_at: T,
         /// Time since the last turning point
         #[unit = "s"]
         pub since: T,
-        /// Sustained half-cycles one after the other
+        /// Number of consecutive sustained half-cycles
         #[unit = "1"]
         pub half_cycles: T,
-        /// Time from the first of their turning points to the last
+        /// Time between the first and the last of their turning points
         #[unit = "s"]
         pub time: T,
-        /// Largest range of them, each as far as it is left by now
+        /// Largest range of these half-cycles, each decayed since
         #[unit = "m"]
         pub reference: T,
-        /// Range of the last
+        /// Range of the last half-cycle
         #[unit = "m"]
         pub range: T,
     }
 }
 
 impl OscillationDetector<f64> {
-    /// Of a loop that positions a piston: four half-cycles of 2 mm, in 1.5 s at least, that do not fall to
-    /// 80 % within a second. Load modes and their limit cycles are at 0.3 to 5 Hz. Estimate.
+    /// Settings for piston positioning: four half-cycles of 2 mm, in 1.5 s at least, that do not fall to 80 % within
+    /// a second. Load modes and their limit cycles are at 0.3 to 5 Hz. Estimate.
     pub const POSITIONING: Self = Self {
         range: 2e-3,
         sustained: 0.8,
@@ -81,7 +80,7 @@ impl OscillationDetector<f64> {
         slowest: 2.0,
     };
 
-    /// Time at rest within which an oscillation of a frequency \[Hz\] is found \[s\].
+    /// Time at rest within which an oscillation of a frequency \[Hz\] is detected \[s\].
     pub fn time_to_find(&self, frequency: f64) -> f64 {
         let half = 0.5 / frequency;
         // what is seen first is part of a half-cycle, and a turning point is known by its hysteresis
@@ -93,8 +92,9 @@ impl OscillationDetector<f64> {
 const HYSTERESIS: f64 = 0.25;
 
 impl<T: Real> OscillationDetector<T> {
-    /// Takes in the control error \[m\] of a period of `elapsed` \[s\]: whether it is in a sustained
-    /// oscillation. Where the reference does not rest, nothing counts.
+    /// Adds the control error \[m\] of a period of `elapsed` \[s\]. Returns whether it is in sustained oscillation.
+    ///
+    /// Where `rests` is false the reference moves, and the detector is reset.
     #[inline(always)]
     pub fn update(
         &self,
@@ -151,13 +151,13 @@ impl<T: Real> OscillationDetector<T> {
         self.found(state)
     }
 
-    /// Whether the last half-cycles were a sustained oscillation.
+    /// Whether the last half-cycles are a sustained oscillation.
     #[inline(always)]
     pub fn found(&self, state: &OscillationState<T>) -> T::Mask {
         (self.half_cycles - T::lit(0.5)).lt(state.half_cycles) & !state.time.lt(self.time)
     }
 
-    /// Amplitude \[m\] and frequency \[Hz\] of the last sustained half-cycles; zero where there are none.
+    /// Amplitude \[m\] and frequency \[Hz\] of the last sustained half-cycles; zero for fewer than two.
     #[inline(always)]
     pub fn amplitude_and_frequency(&self, state: &OscillationState<T>) -> [T; 2] {
         let is = T::lit(1.5).lt(state.half_cycles) & T::zero().lt(state.time);

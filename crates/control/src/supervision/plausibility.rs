@@ -4,7 +4,7 @@ use super::fault::Cause;
 use super::limits::{Limits, Observation};
 use crate::measurement::AxisSignals;
 
-/// A piston that is so many times as fast as its pump can drive it runs away.
+/// Ratio of piston speed to the largest speed by pump flow above which the piston counts as running away \[1\].
 pub const RUNAWAY: f64 = 1.5;
 /// Readings that the velocity is averaged over.
 pub(crate) const VELOCITY_WINDOW: f64 = 20.0;
@@ -141,7 +141,7 @@ impl Plausibility {
     }
 }
 
-/// What each signal of a machine within these limits can be: lowest and highest value.
+/// Plausible range of each signal, lowest and highest value, for a machine with these limits.
 pub fn ranges(l: &Limits) -> AxisSignals<(f64, f64)> {
     let pressure = (LOWEST_PRESSURE, 2.0 * l.pressure);
     AxisSignals {

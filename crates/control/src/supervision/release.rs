@@ -23,7 +23,7 @@ use hydroboom_math::{Real, record};
 use hydroboom_model::hydraulics::Oil;
 
 record! {
-    /// Numbers of a release, derived from a crane file's values and ranges.
+    /// Settings of a release, derived from a crane file's values and ranges.
     pub struct Release<T> {
         /// Control period
         #[unit = "s"]
@@ -37,13 +37,13 @@ record! {
         /// Duration of observation at rest, and of the check that the piston has settled: a period of the load mode
         #[unit = "s"]
         pub observation: T,
-        /// Largest difference of the position's means at rest
+        /// Largest change of the mean position at rest
         #[unit = "m"]
         pub rest_drift: T,
         /// Motion that proves the balance, x_p
         #[unit = "m"]
         pub proving_motion: T,
-        /// Largest motion that may be asked for where the position scatters
+        /// Largest required motion where the position scatters
         #[unit = "m"]
         pub largest_motion: T,
         /// Length of the stroke
@@ -55,37 +55,37 @@ record! {
         /// Delivered volume per revolution, k D
         #[unit = "m³/rev"]
         pub delivery: T,
-        /// Motor speed while the pump side is read below the load's pressure by more than `approach`
+        /// Motor speed while the pump side's pressure is below the load's by more than `approach`
         #[unit = "rev/s"]
         pub fast: T,
-        /// Motor speed from then on
+        /// Motor speed once the pump side is within `approach` of the load's pressure
         #[unit = "rev/s"]
         pub slow: T,
-        /// Pressure below that of the load from which the pump fills slowly
+        /// Pressure difference to the load's pressure from which the pump fills slowly
         #[unit = "Pa"]
         pub approach: T,
-        /// Largest change of motor speed
+        /// Largest acceleration of the motor
         #[unit = "rev/s²"]
         pub slew: T,
-        /// Motor speed that makes good the pump's leakage at the nominal load pressure
+        /// Motor speed that compensates the pump's leakage at the nominal load pressure
         #[unit = "rev/s"]
         pub leakage: T,
-        /// Motor speed per pressure that the pump side lacks to that of the load, after the lift
+        /// Gain from the pressure difference of load and pump side to motor speed, after the lift
         #[unit = "rev/(s·Pa)"]
         pub holding_gain: T,
         /// Nominal load pressure
         #[unit = "Pa"]
         pub nominal_pressure: T,
-        /// Smallest pressure that the load can need, p_least
+        /// Smallest possible pressure of the load, p_least
         #[unit = "Pa"]
         pub least_pressure: T,
-        /// Largest pressure that the load can need, with no pressure on the other side
+        /// Largest possible pressure of the load, with no pressure on the other side
         #[unit = "Pa"]
         pub most_pressure: T,
         /// Largest disagreement of pump-side and cylinder pressure once the piston moves
         #[unit = "Pa"]
         pub pressure_tolerance: T,
-        /// Rise of the cylinder's pressure that shows that oil has passed to it, at the upper end stop
+        /// Rise of the cylinder's pressure that proves oil flow into it, at the upper end stop
         #[unit = "Pa"]
         pub pressure_response: T,
         /// Compression ∫ dp/β of the stiffest oil up to p_least
@@ -97,7 +97,7 @@ record! {
         /// Largest volume that can be needed until the piston moves
         #[unit = "m³"]
         pub largest_volume: T,
-        /// Largest duration
+        /// Longest duration of a release
         #[unit = "s"]
         pub largest_duration: T,
         /// 1 where the shut valve lets oil pass from pump to cylinder, 0 where it does not
@@ -121,44 +121,44 @@ record! {
         /// Area of the other chamber
         #[unit = "m²"]
         pub other_area: T,
-        /// Volume of the chamber that carries the load, at its smallest
+        /// Smallest volume of the chamber that carries the load
         #[unit = "m³"]
         pub dead_volume: T,
-        /// Largest movement of the load when pressure shut in on its unloaded side is released
+        /// Largest movement of the load when pressure trapped on the unloaded side is released
         #[unit = "m"]
         pub largest_spring: T,
     }
 }
 
 record! {
-    /// What a release observes in a control period.
+    /// Inputs of a release in a control period.
     pub struct ReleaseInput<T> {
         /// Piston position
         #[unit = "m"]
         pub stroke: T,
-        /// Motor speed, as read
+        /// Measured motor speed
         #[unit = "rev/s"]
         pub motor_speed: T,
-        /// Pressure of the pump side that carries the load
+        /// Gauge pressure of the pump side that carries the load
         #[unit = "Pa"]
         pub pressure_pump: T,
-        /// Pressure of the cylinder chamber that carries the load
+        /// Gauge pressure of the cylinder chamber that carries the load
         #[unit = "Pa"]
         pub pressure_load: T,
-        /// Pressure of the other cylinder chamber
+        /// Gauge pressure of the other cylinder chamber
         #[unit = "Pa"]
         pub pressure_other: T,
-        /// Pressure of the other pump side
+        /// Gauge pressure of the other pump side
         #[unit = "Pa"]
         pub pressure_other_pump: T,
-        /// 1 with a new reading, 0 where the last one is shown again
+        /// 1 with a new measurement, 0 where the last one is repeated
         #[unit = "1"]
         pub is_new: T,
     }
 }
 
 record! {
-    /// State of a release, all numbers.
+    /// State of a release.
     pub struct ReleaseState<T> {
         /// Phase: 0 at rest, 1 filling, 2 settling, 3 proven, negative refused
         #[unit = "1"]
@@ -169,19 +169,19 @@ record! {
         /// Time in this phase
         #[unit = "s"]
         pub phase_time: T,
-        /// Motor speed commanded
+        /// Commanded motor speed
         #[unit = "rev/s"]
         pub motor_speed: T,
-        /// Position of the first reading, from which all positions count: sums stay small
+        /// First measured position, the origin of all sums of positions
         #[unit = "m"]
         pub origin: T,
-        /// Sum of positions in this window
+        /// Sum of piston positions in the present averaging window
         #[unit = "m"]
         pub sum: T,
-        /// Readings in this window
+        /// Number of position measurements in this window
         #[unit = "1"]
         pub count: T,
-        /// Time in this window
+        /// Time since the start of this window
         #[unit = "s"]
         pub window_time: T,
         /// Mean position of the newest window
@@ -196,10 +196,10 @@ record! {
         /// Sum of positions in the first half at rest
         #[unit = "m"]
         pub half_sum: T,
-        /// Readings at rest
+        /// Number of position measurements at rest
         #[unit = "1"]
         pub rest_count: T,
-        /// Readings in the first half at rest
+        /// Number of position measurements in the first half at rest
         #[unit = "1"]
         pub half_count: T,
         /// Mean position at rest, x_0
@@ -214,40 +214,39 @@ record! {
         /// Delivered volume since the pump began to turn, V
         #[unit = "m³"]
         pub volume: T,
-        /// Volume that must have been delivered before motion can be believed
+        /// Delivered volume before which motion is not attributed to the pump
         #[unit = "m³"]
         pub least_volume: T,
-        /// Time for which pump side and cylinder have had the same pressure, for a valve without check function
+        /// Duration of equal pressures of pump side and cylinder, for a valve without check function
         #[unit = "s"]
         pub balanced: T,
-        /// Time since the mean position was kept for comparison
+        /// Time since the reference for the settling check was taken
         #[unit = "s"]
         pub settling_time: T,
-        /// Mean position that was kept
+        /// Mean position at the start of the settling check
         #[unit = "m"]
         pub settled_mean: T,
     }
 }
 
-/// Why a release was refused.
+/// Reason for which a release was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// The position moved before the pump turned, before the delivered volume can have moved it, or
-    /// went on moving when the pump had stopped.
+    /// The position moved before the pump turned, before the delivered volume can have moved it, or after the pump
+    /// had stopped.
     PositionNotSteady,
-    /// The pump delivered all that can be needed, and the piston did not move.
+    /// The pump delivered the largest volume needed, and the piston did not move.
     NoLift,
-    /// Pressure is shut in on the unloaded side: released, the load would spring.
+    /// Pressure is trapped on the unloaded side: the released load would spring.
     TrappedPressure,
-    /// The load needs more pressure than any load of the crane file.
+    /// The load needs a higher pressure than any load of the crane file.
     LoadTooHeavy,
-    /// The piston moved, and the pressures do not agree with it; or the load pressure is below what any
-    /// load can need.
+    /// The piston moved, but the pressures disagree with it; or the load pressure is below the smallest possible one.
     PressureDisagrees,
 }
 
 impl Refusal {
-    /// All of them.
+    /// All reasons.
     pub const ALL: [Self; 5] = [
         Self::PositionNotSteady,
         Self::NoLift,
@@ -256,12 +255,12 @@ impl Refusal {
         Self::LoadTooHeavy,
     ];
 
-    /// The refusal with this phase number; none for a phase that is no refusal.
+    /// Refusal with this phase number; `None` for a phase that is no refusal.
     pub fn from_phase(phase: f64) -> Option<Self> {
         Self::ALL.into_iter().find(|refusal| refusal.phase() == phase)
     }
 
-    /// Its phase number.
+    /// Phase number of the refusal, negative.
     pub fn phase(self) -> f64 {
         match self {
             Self::PositionNotSteady => -1.0,
@@ -273,15 +272,15 @@ impl Refusal {
     }
 }
 
-/// Phases of a release that goes well.
+/// Values of the phase of a release.
 pub mod phase {
-    /// The position is observed at rest, the pump does not turn.
+    /// Observation of the position at rest; the pump does not turn.
     pub const AT_REST: f64 = 0.0;
     /// The pump fills its side until the piston moves.
     pub const FILLING: f64 = 1.0;
-    /// The pump makes good its leakage, and the piston must stay.
+    /// The pump compensates its leakage; the piston must stay.
     pub const SETTLING: f64 = 2.0;
-    /// The pump side carries the load.
+    /// Proof complete: the pump side carries the load.
     pub const PROVEN: f64 = 3.0;
 }
 
@@ -293,7 +292,7 @@ const BALANCED: f64 = 0.1;
 const SETTLING_PERIODS: f64 = 6.0;
 
 impl<T: Real> Release<T> {
-    /// A release that begins, with the motor at rest.
+    /// Initial state of a release, with the motor at rest.
     pub fn begin(&self) -> ReleaseState<T> {
         ReleaseState::from_array([T::zero(); ReleaseState::NAMES.len()])
     }
@@ -320,7 +319,7 @@ impl<T: Real> Release<T> {
         volume * (oil.compression(before) - oil.compression(after)) / self.area
     }
 
-    /// One control period: `elapsed` \[s\] have passed by the machine's clock.
+    /// One control period; `elapsed` \[s\] is its length by the machine's clock.
     #[inline(always)]
     pub fn advance(
         &self,

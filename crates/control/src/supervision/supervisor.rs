@@ -1,4 +1,4 @@
-//! The supervisor: what the machine may do, and what brings it to rest.
+//! Supervisor: state machine that releases, holds and stops the load.
 //!
 //! A pure state machine, called once an executed control period; it allocates nothing and knows no
 //! clock but the time that each observation says has passed.
@@ -32,7 +32,7 @@ use crate::measurement::AxisSignals;
 use decision::HELD;
 use stop::Stop;
 
-/// The supervisor at work.
+/// Supervisor of one axis: state machine, monitors and limits.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     limits: Limits,
@@ -98,28 +98,28 @@ impl Supervisor {
         }
     }
 
-    /// Allows for another largest speed of the piston \[m/s\].
+    /// Changes the largest allowed piston speed \[m/s\].
     pub fn set_speed(&mut self, speed: f64) {
         self.limits.speed = speed;
     }
 
-    /// What the machine is doing.
+    /// Present state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// What is allowed.
+    /// Limits of the machine and settings of its monitors.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// Time within which every fault reaches the safe state: motor at zero, valve de-energised \[s\].
+    /// Longest time from any fault to the safe state \[s\]: motor at zero, valve de-energised.
     pub fn bound(&self) -> f64 {
         let brake = self.limits.motor_speed / self.limits.motor_slew;
         self.limits.stop_time.max(brake) + 2.0 * self.limits.period
     }
 
-    /// One control period.
+    /// One control period: from observation and request to the command.
     pub fn advance(&mut self, seen: &Observation, request: Request) -> Decision {
         let has_passed = seen.elapsed.is_finite() && seen.elapsed > 0.0;
         let elapsed = if has_passed { seen.elapsed } else { self.limits.period };

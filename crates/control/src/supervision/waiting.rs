@@ -1,38 +1,38 @@
-//! What a state waits for.
+//! Conditions that the supervisor's states wait for.
 
 use super::fault::Cause;
 use super::release::phase;
 
-/// What a state waits for, said to people.
+/// Condition that a state of the supervisor waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Waiting {
-    /// Somebody enables the machine.
+    /// An operator enables the machine.
     Enable,
-    /// What is wrong with the measurements goes away.
+    /// The measurements become plausible; the cause says which are not.
     Measurements(Cause),
-    /// An operator takes the role.
+    /// An operator takes control.
     Operator,
     /// The load comes to rest.
     StillLoad,
-    /// The drive is to be switched on.
+    /// The drive is switched on.
     Hold,
-    /// The machine reports that its drives follow.
+    /// The machine reports that its drives are enabled.
     Drives,
     /// The operator starts a course.
     Start,
-    /// The position is observed before the pump turns.
+    /// The position has been observed before the pump turns.
     Observation,
-    /// The pump lifts the load.
+    /// The pump has lifted the load.
     Lift,
-    /// The lifted load stays where it is.
+    /// The lifted load has settled.
     Settling,
-    /// The load-holding valve opens.
+    /// The load-holding valve has opened.
     ValveOpening,
-    /// The course ends.
+    /// The course has ended.
     CourseEnd,
-    /// The load is brought to rest.
+    /// The load has come to rest after a stop.
     Standstill,
-    /// An operator resets, with everything well.
+    /// An operator resets, after all causes have gone.
     Reset,
 }
 
@@ -48,7 +48,7 @@ impl Waiting {
         }
     }
 
-    /// As a person reads it, after "waits for".
+    /// Condition as text, after "waits for".
     pub fn text(self) -> &'static str {
         match self {
             Self::Enable => "enable",

@@ -23,12 +23,12 @@ macro_rules! choices {
             pub enum $Name { $( $(#[doc = $doc])* $Variant, )+ }
 
             impl $Name {
-                /// `section.name` of the key.
+                /// Path of the key, `section.name`.
                 pub const PATH: &'static str = $path;
                 /// Allowed names in a file.
                 pub const ALLOWED: &'static [&'static str] = &[$($text),+];
 
-                /// Parses a name.
+                /// Choice with this name in a file; `None` for an unknown name.
                 pub fn from_name(name: &str) -> Option<Self> {
                     match name { $( $text => Some(Self::$Variant), )+ _ => None }
                 }
@@ -40,14 +40,14 @@ macro_rules! choices {
             }
         )+
 
-        /// The choices of a crane file.
+        /// Values of all keys that are names: circuit, structure, friction law and others.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct Choices {
             $( #[doc = concat!("`", $path, "`.")] pub $field: $Name, )+
         }
 
         impl Choices {
-            /// `section.name` of every choice.
+            /// Path `section.name` of every choice.
             pub const PATHS: [&'static str; [$($path),+].len()] = [$($path),+];
             /// Every choice with its meaning.
             pub const KEYS: [ChoiceKey; Self::PATHS.len()] = [$( ChoiceKey {
@@ -62,7 +62,7 @@ macro_rules! choices {
                 match path { $( $path => Some($Name::ALLOWED), )+ _ => None }
             }
 
-            /// Every choice with its name.
+            /// Path and name of every choice.
             pub fn list(&self) -> [(&'static str, &'static str); Self::PATHS.len()] {
                 [$( ($path, self.$field.name()) ),+]
             }

@@ -1,15 +1,15 @@
 //! A numeric key of a crane file.
 
-/// One numeric key.
+/// Numeric key of a crane file: name, unit, limits and meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Key {
-    /// Table in the file.
+    /// Table of the key in the file, without brackets.
     pub section: &'static str,
-    /// Name within the table; it ends with the unit.
+    /// Name of the key within its table; it ends with the unit.
     pub name: &'static str,
-    /// Usual spelling of the unit.
+    /// Unit in its usual spelling, for example `N·m`.
     pub unit: &'static str,
-    /// Size of the unit in SI units.
+    /// One of this unit in SI units; 1e-3 for `mm`.
     pub factor: f64,
     /// Whether only whole numbers are allowed: a count.
     pub is_whole: bool,
@@ -17,14 +17,15 @@ pub struct Key {
     pub low: f64,
     /// Largest allowed value, in this unit.
     pub high: f64,
-    /// Value, in this unit, if a file leaves the key out: the effect is off, or a default. `None` for a required key.
+    /// Value, in this unit, if a file leaves the key out: a default, or a value that switches the effect off. `None`
+    /// for a required key.
     pub absent: Option<f64>,
-    /// Meaning.
+    /// Meaning of the number, with its source where it is a default.
     pub meaning: &'static str,
 }
 
 impl Key {
-    /// `section.name`.
+    /// Path of the key, `section.name`.
     pub fn path(&self) -> String {
         format!("{}.{}", self.section, self.name)
     }

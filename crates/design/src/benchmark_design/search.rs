@@ -17,20 +17,24 @@ const PAYLOADS: u32 = 5;
 /// Lowest and highest frequency of the search \[Hz\], and points between them.
 const FREQUENCIES: [f64; 2] = [0.02, 200.0];
 const POINTS: u32 = 800;
-/// Growth rate of the line along which the search counts turns \[1/s\]: resonances are as broad there as the points lie apart, so that none is stepped over. What grows
-/// more slowly is found when the gains are judged, by [`unstable_poles`](crate::margins).
+/// Growth rate of the line along which the search counts turns \[1/s\]: resonances are as broad there as the points
+/// lie apart, so that none is stepped over. What grows more slowly is found when the gains are judged, by
+/// [`unstable_poles`](crate::margins).
 const LINE_OF_SEARCH: f64 = 0.25;
-/// Least damping ratio of the position loop by itself, s² + K_p s + K_i around a piston that integrates its speed: K_i is at most (K_p/(2 ζ))², which is K_p² for 0.5.
-/// With more integral action than that the loop oscillates slowly, whatever its margins are.
+/// Least damping ratio of the position loop by itself, s² + K_p s + K_i around a piston that integrates its speed: K_i
+/// is at most (K_p/(2 ζ))², which is K_p² for 0.5. With more integral action than that the loop oscillates slowly,
+/// whatever its margins are.
 pub(super) const LEAST_DAMPING: f64 = 0.5;
 /// Steps of the first grid: of the pressure feedback, of the high-pass, of the proportional gain.
 const FEEDBACKS: u32 = 22;
 const HIGH_PASSES: u32 = 10;
 const PROPORTIONALS: u32 = 41;
-/// Decades of pressure feedback, from the lowest on, counted from the feedback that damps the load mode as much as it is damped by itself.
+/// Decades of pressure feedback, from the lowest on, counted from the feedback that damps the load mode as much as it
+/// is damped by itself.
 const FEEDBACK_DECADES: f64 = 3.5;
 const LOWEST_FEEDBACK_DECADE: f64 = -0.5;
-/// Decades of the proportional gain, below the largest: so many times the slowest load mode's angular frequency, beyond which no proportional loop around it is stable.
+/// Decades of the proportional gain, below the largest: so many times the slowest load mode's angular frequency,
+/// beyond which no proportional loop around it is stable.
 const PROPORTIONAL_DECADES: f64 = 2.5;
 const LARGEST_PROPORTIONAL: f64 = 5.0;
 /// Halvings of the interval of an integral gain.
@@ -107,7 +111,8 @@ impl Case {
         Ok(Self { axis, growth, open_loop, crane })
     }
 
-    /// Whether the loop keeps a distance from −1 at all frequencies, and is stable: as often as it has poles beyond the line without feedback, 1 + L turns about zero along it.
+    /// Whether the loop keeps a distance from −1 at all frequencies, and is stable: as often as it has poles beyond
+    /// the line without feedback, 1 + L turns about zero along it.
     fn keeps(&self, gains: &Gains, distance: f64) -> bool {
         let far = |sample: &Sample| sample.difference(gains).norm_sqr() >= distance * distance;
         if !self.axis.iter().all(far) {
@@ -159,7 +164,8 @@ impl Search {
         cases: Vec<Case>,
         distance: f64,
     ) -> Result<Self, DesignError> {
-        // angular frequency of the slowest load mode [rad/s], and pressure feedback that damps one as much as it is damped by itself [m³/(s Pa)]
+        // angular frequency of the slowest load mode [rad/s], and pressure feedback that damps one as much as it is
+        // damped by itself [m³/(s Pa)]
         let mut slowest = f64::INFINITY;
         let mut unit: f64 = f64::INFINITY;
         for case in &cases {
@@ -191,8 +197,8 @@ impl Search {
         failed.is_none()
     }
 
-    /// The largest integral gain beside the others, where it is larger than another; otherwise an upper bound of it, zero where they do not keep the distance without
-    /// one.
+    /// The largest integral gain beside the others, where it is larger than another; otherwise an upper bound of it,
+    /// zero where they do not keep the distance without one.
     fn integral(&self, gains: &Gains, other: f64) -> Result<Gains, f64> {
         let with = |integral_per_s2: f64| Gains { integral_per_s2, ..*gains };
         if gains.pressure_feedback_m3_per_spa * gains.high_pass_s > self.largest_droop {

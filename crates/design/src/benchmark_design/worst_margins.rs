@@ -11,34 +11,35 @@ use serde::Serialize;
 const JUDGED_PAYLOADS: u32 = 13;
 /// Positions at which gains are judged with the worst payload.
 const JUDGED_POSITIONS: u32 = 10;
-/// Where the sensitivity changes by more than this share between neighbours, one of which is as close to the largest, gains are judged between them too. Local maxima as
-/// close are found by golden-section search. Both end at a distance in payload or stroke that is this share of its range.
+/// Where the sensitivity changes by more than this share between neighbours, one of which is as close to the largest,
+/// gains are judged between them too. Local maxima as close are found by golden-section search. Both end at a distance
+/// in payload or stroke that is this share of its range.
 const CHANGE: f64 = 0.05;
 const CLOSE: f64 = 0.9;
 const LEAST_STEP: f64 = 1e-3;
 
-/// The least of each margin over payloads and positions.
+/// Worst-case stability margins over payloads and piston positions.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct WorstMargins {
-    /// Whether the loop is stable with all of them.
+    /// Whether the loop is stable for all payloads and positions.
     pub stable: bool,
-    /// Largest sensitivity, M_s.
+    /// Largest peak of the sensitivity function, M_s \[1\].
     pub sensitivity_peak: f64,
-    /// Phase margin.
+    /// Smallest phase margin \[deg\].
     pub phase_deg: f64,
-    /// Gain margin.
+    /// Smallest gain margin \[1\], a factor.
     pub gain: f64,
-    /// Payload at which the sensitivity is largest.
+    /// Payload with the largest M_s \[kg\].
     pub payload_kg: f64,
-    /// Piston position at which it is.
+    /// Piston position with the largest M_s \[mm\].
     pub stroke_mm: f64,
 }
 
-/// The least margins of a description's own gains over payloads between two \[kg\] and the stroke.
+/// Worst-case margins of a description's own gains, over a range of payloads \[kg\] and the stroke.
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane cannot be linearised with one of them.
+/// [`DesignError`] if the crane cannot be linearised with one of the payloads.
 pub fn worst_margins(
     description: &Description,
     payload: [f64; 2],
@@ -46,9 +47,11 @@ pub fn worst_margins(
     Ok(worst(description, payload)?.0)
 }
 
-/// The least margins over payloads between two \[kg\] and the stroke, and the frequency \[Hz\] at which the sensitivity is largest.
+/// The least margins over payloads between two \[kg\] and the stroke, and the frequency \[Hz\] at which the
+/// sensitivity is largest.
 ///
-/// At each position over payloads, halved where the sensitivity is large and changes; then at the worst payload over positions, and there over payloads once more.
+/// At each position over payloads, halved where the sensitivity is large and changes; then at the worst payload over
+/// positions, and there over payloads once more.
 pub(super) fn worst(
     description: &Description,
     payload: [f64; 2],

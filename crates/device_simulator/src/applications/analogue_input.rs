@@ -7,15 +7,15 @@ use crate::controller::DistributedClock;
 use crate::device::{Device, Settings};
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
 
-/// Currents at the channels \[mA\]; a broken wire has none.
+/// Source of the input currents of an analogue input, 4 to 20 mA; 0 mA for a broken wire.
 pub trait Signal {
-    /// Time goes on to `now` \[ns\].
+    /// Advances the source to the time `now` \[ns\].
     fn advance(&mut self, now: u64);
-    /// Current of a channel \[mA\].
+    /// Input current of a channel, counted from 0 \[mA\].
     fn current(&self, channel: usize) -> f64;
 }
 
-/// The application of analogue inputs.
+/// Application of an analogue input device, 4 to 20 mA.
 pub struct AnalogueInput {
     signal: Box<dyn Signal>,
     channels: usize,
@@ -38,7 +38,7 @@ const BROKEN: f64 = 3.6;
 const FIRST: u16 = 0x6000;
 
 impl AnalogueInput {
-    /// A device with a number of channels.
+    /// Analogue input device with a number of channels.
     pub fn device(
         settings: Settings,
         channels: usize,

@@ -10,7 +10,7 @@ use crate::object_dictionary::ObjectDictionary;
 #[derive(Clone, Copy, Debug)]
 struct Nothing;
 
-/// A coupler.
+/// Bus coupler with these settings and this clock.
 pub fn coupler(settings: Settings, clock: DistributedClock) -> Device {
     let settings =
         Settings { mailbox: None, outputs: None, inputs: None, is_emulated: true, ..settings };

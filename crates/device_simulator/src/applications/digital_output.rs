@@ -7,10 +7,10 @@ use crate::controller::DistributedClock;
 use crate::device::{Area, Device, Settings};
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
 
-/// Function that the outputs switch: called with their bits.
+/// Receiver of the output states, called with one bit per channel, channel 0 in bit 0.
 pub type Switched = Box<dyn FnMut(u32)>;
 
-/// The application of digital outputs.
+/// Application of a digital output device.
 pub struct DigitalOutput {
     switched: Switched,
     channels: u8,
@@ -26,7 +26,7 @@ impl std::fmt::Debug for DigitalOutput {
 const FIRST: u16 = 0x7000;
 
 impl DigitalOutput {
-    /// A device with a number of channels, at most 32, without a mailbox.
+    /// Digital output device with a number of channels, at most 32, without a mailbox.
     pub fn device(
         settings: Settings,
         channels: u8,

@@ -1,26 +1,26 @@
 //! State machine of a drive (CiA 402, IEC 61800-7-201): controlword in, statusword out.
 
-/// State of a drive.
+/// State of a drive's state machine (CiA 402).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
-    /// Not ready, or switched off.
+    /// Switch on disabled: not ready, or switched off.
     SwitchOnDisabled,
-    /// Power may be switched on.
+    /// Ready to switch on: power may be switched on.
     ReadyToSwitchOn,
-    /// Power is on, no torque.
+    /// Switched on: power is on, without torque.
     SwitchedOn,
-    /// The motor follows its set point.
+    /// Operation enabled: the motor follows its set point.
     OperationEnabled,
-    /// The motor is stopped quickly.
+    /// Quick stop active: the motor is being stopped.
     QuickStopActive,
-    /// A fault is there, the motor is stopped.
+    /// Fault reaction active: a fault has occurred, the motor is being stopped.
     FaultReactionActive,
-    /// A fault is there, no torque.
+    /// Fault: no torque.
     Fault,
 }
 
 impl DriveState {
-    /// Its bits of the statusword: 0 to 3, 5 and 6, and 4 for power.
+    /// Bits of the statusword 0x6041 for this state: 0 to 3, 5 and 6, and bit 4 for voltage enabled.
     pub fn status_bits(self) -> u16 {
         match self {
             Self::SwitchOnDisabled => 0x0040,
@@ -33,12 +33,12 @@ impl DriveState {
         }
     }
 
-    /// Whether the motor has torque.
+    /// Whether the motor has torque in this state.
     pub fn has_torque(self) -> bool {
         matches!(self, Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive)
     }
 
-    /// The next state by a controlword; a fault is reset by a rising bit 7.
+    /// Next state for a controlword 0x6040; `before` is the one before. A fault is reset by a rising bit 7.
     pub fn by_controlword(self, word: u16, before: u16) -> Self {
         use DriveState::{
             Fault, FaultReactionActive, OperationEnabled, QuickStopActive, ReadyToSwitchOn,

@@ -24,19 +24,19 @@ const DIGITAL_INPUTS: Key = (0x60fd, 0);
 /// Bit of 0x60FD: interlock, here safe torque off.
 const INTERLOCK: i64 = 0x08;
 
-/// A motor and what it drives.
+/// Motor with its load, behind a servo drive.
 pub trait Motor {
-    /// Torque on, with a set point of its speed \[rev/s\]; none: no torque.
+    /// Commands a speed \[rev/s\] with torque on; `None` switches the torque off.
     fn command(&mut self, speed: Option<f64>);
-    /// Time goes on to `now` \[ns\].
+    /// Advances the motor to the time `now` \[ns\].
     fn advance(&mut self, now: u64);
-    /// Speed \[rev/s\].
+    /// Motor speed \[rev/s\].
     fn speed(&self) -> f64;
-    /// Angle since power-on \[rev\].
+    /// Motor angle since power-on \[rev\].
     fn angle(&self) -> f64;
 }
 
-/// A motor that has the speed of its set point at once, and stands without torque.
+/// Ideal motor: it has the commanded speed at once, and stands still without torque.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StiffMotor {
     speed: f64,
@@ -63,20 +63,20 @@ impl Motor for StiffMotor {
     }
 }
 
-/// What a drive is, beside its device's settings.
+/// Settings of a drive, in addition to those of its device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveSettings {
-    /// Unit of its velocities.
+    /// Unit of the velocities 0x60FF and 0x606C.
     pub unit: VelocityUnit,
-    /// Increments of a revolution in 0x6064.
+    /// Position increments per revolution in 0x6064.
     pub increments: u32,
-    /// Deceleration of a quick stop and of a reaction to a fault \[rev/s²\].
+    /// Deceleration of a quick stop and of a fault reaction \[rev/s²\].
     pub deceleration: f64,
-    /// Whether process data are fixed, and padded to even addresses; else they are mapped in PREOP.
+    /// Whether the process data mapping is fixed and padded to even addresses; else it can be changed in PREOP.
     pub is_mapping_fixed: bool,
 }
 
-/// The application of a servo drive.
+/// Application of a servo drive in cyclic synchronous velocity mode (CiA 402).
 pub struct ServoDrive {
     settings: DriveSettings,
     motor: Box<dyn Motor>,
@@ -96,7 +96,8 @@ impl std::fmt::Debug for ServoDrive {
     }
 }
 
-/// Process data after power-on: controlword, target velocity, mode; statusword, position, velocity, mode, error code, digital inputs.
+/// Process data after power-on: controlword, target velocity, mode; statusword, position, velocity, mode, error code,
+/// digital inputs.
 const OUTPUTS: [(u16, u8, u8); 3] = [(0x6040, 0, 16), (0x60ff, 0, 32), (0x6060, 0, 8)];
 const INPUTS: [(u16, u8, u8); 6] = [
     (0x6041, 0, 16),
@@ -108,7 +109,7 @@ const INPUTS: [(u16, u8, u8); 6] = [
 ];
 
 impl ServoDrive {
-    /// A device that is a drive.
+    /// Servo drive device with this motor.
     pub fn device(
         settings: Settings,
         drive: DriveSettings,
@@ -213,9 +214,9 @@ impl ServoDrive {
     }
 }
 
-/// Objects by which tests and benches act on a drive, as nobody does by bus: code of a fault, and safe torque off.
+/// Object by which a test injects a fault, by writing its code; not for use on the bus.
 pub const INJECTED_FAULT: Key = (0x2f00, 1);
-/// Safe torque off: 1 while it is requested.
+/// Object by which a test requests safe torque off: 1 while it is requested; not for use on the bus.
 pub const SAFE_TORQUE_OFF: Key = (0x2f00, 2);
 
 impl Application for ServoDrive {

@@ -2,14 +2,14 @@
 
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
 
-/// What one unit of 0x60FF and 0x606C is.
+/// Unit of a drive's velocities 0x60FF and 0x606C.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VelocityUnit {
     /// Increments per second of an encoder, behind a gear (0x6091) and a factor (0x6096).
     Increments {
-        /// Increments of a revolution of the motor (0x608F).
+        /// Encoder increments per motor revolution (0x608F).
         per_revolution: u32,
-        /// Revolutions of the motor for revolutions of the shaft (0x6091:1 for 0x6091:2).
+        /// Gear ratio: motor revolutions (0x6091:1) per shaft revolutions (0x6091:2).
         gear: [u32; 2],
         /// Numerator and divisor of the velocity factor (0x6096).
         factor: [u32; 2],
@@ -22,7 +22,7 @@ pub enum VelocityUnit {
 const REVOLUTION_PER_MINUTE: u32 = 0xb4 << 16 | 0x47 << 8;
 
 impl VelocityUnit {
-    /// Revolutions of the motor per second that a unit is.
+    /// One unit of velocity as a motor speed \[rev/s\].
     pub fn rev_per_s(self) -> f64 {
         match self {
             Self::Increments { per_revolution, gear, factor } => {
@@ -33,7 +33,7 @@ impl VelocityUnit {
         }
     }
 
-    /// Adds the objects that state it.
+    /// Adds the objects that state the unit to a dictionary.
     pub fn describe(self, dictionary: &mut ObjectDictionary) {
         let mut add = |key, value: u32| {
             dictionary.add(key, &value.to_le_bytes(), ObjectAccess::ReadOnly, Mapping::None);

@@ -1,4 +1,5 @@
-//! Distributed clock: a local clock with an offset and a drift, held at the system time of the reference, and the pulses SYNC0 and SYNC1.
+//! Distributed clock: a local clock with an offset and a drift, held at the system time of the reference, and the
+//! pulses SYNC0 and SYNC1.
 //!
 //! ```text
 //! local time   t_l = t_0 + (1 + d) t + a           a: what the control loop has added
@@ -12,43 +13,43 @@ use super::registers::{
     SYSTEM_TIME, SYSTEM_TIME_DELAY, SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
 };
 
-/// A local clock and its pulses.
+/// Distributed clock of a device: local clock, control loop, and the pulses SYNC0 and SYNC1.
 #[derive(Clone, Debug)]
 pub struct DistributedClock {
-    /// Local time where the bus's time is zero \[ns\].
+    /// Local time at bus time zero \[ns\].
     pub start: u64,
-    /// How much faster it runs than the bus's time \[ppb\].
+    /// Drift against the bus time, positive if the clock is fast \[ppb\].
     pub drift_ppb: i64,
     /// Correction by the control loop \[ns\].
     correction: i64,
     /// Next SYNC0, system time \[ns\].
     next: Option<u64>,
-    /// Whether a pulse is suppressed by an injected fault.
+    /// Whether SYNC0 is suppressed by an injected fault.
     pub is_silent: bool,
 }
 
-/// Share of a difference that the control loop takes back at each received time, as a divisor. Estimate: controllers take back less than a hundredth, with
-/// filters of their own.
+/// Share of a difference that the control loop takes back at each received time, as a divisor. Estimate: controllers
+/// take back less than a hundredth, with filters of their own.
 const GAIN: i64 = 16;
 
 impl DistributedClock {
-    /// A clock that shows a time when the bus's time is zero \[ns\], and runs faster by a drift \[ppb\].
+    /// Clock with a local time at bus time zero \[ns\] and a drift against the bus time \[ppb\].
     pub fn new(start: u64, drift_ppb: i64) -> Self {
         Self { start, drift_ppb, correction: 0, next: None, is_silent: false }
     }
 
-    /// Local time \[ns\].
+    /// Local time at the bus time `now` \[ns\].
     pub fn local(&self, now: u64) -> u64 {
         let drift = (i128::from(now) * i128::from(self.drift_ppb) / 1_000_000_000) as i64;
         self.start.wrapping_add(now).wrapping_add_signed(drift.wrapping_add(self.correction))
     }
 
-    /// System time \[ns\].
+    /// System time at the bus time `now` \[ns\].
     pub fn system(&self, memory: &Memory, now: u64) -> u64 {
         self.local(now).wrapping_add(memory.u64(SYSTEM_TIME_OFFSET))
     }
 
-    /// Puts the time of reading into the registers, and the next SYNC0.
+    /// Writes system time and the time of the next SYNC0 into the registers, at the bus time `now` \[ns\].
     pub fn show(&self, memory: &mut Memory, now: u64) {
         memory.set(SYSTEM_TIME, &self.system(memory, now).to_le_bytes());
         if let Some(next) = self.next {
@@ -56,7 +57,8 @@ impl DistributedClock {
         }
     }
 
-    /// Latches when a frame came by each port \[ns, bus's time\], and by the processing unit, which is at the first.
+    /// Latches the bus times \[ns\] at which a frame passed each port; `None` for an unused port. The processing unit
+    /// is at the first one.
     pub fn latch(&self, memory: &mut Memory, ports: [Option<u64>; 4]) {
         for (number, time) in (0..).zip(ports) {
             if let Some(time) = time {
@@ -69,7 +71,7 @@ impl DistributedClock {
         }
     }
 
-    /// The system time of the reference was received: the loop follows it.
+    /// Control loop: follows a received system time of the reference clock, at the bus time `now` \[ns\].
     pub fn follow(&mut self, memory: &mut Memory, received: &[u8], now: u64) {
         let own = self.system(memory, now).wrapping_sub(u64::from(memory.u32(SYSTEM_TIME_DELAY)));
         let difference = match received.len() {
@@ -90,7 +92,8 @@ impl DistributedClock {
         self.correction = self.correction.wrapping_sub(back);
     }
 
-    /// Cyclic operation was switched on or off. Pulses begin at the start time, or never where that has passed.
+    /// Starts or stops cyclic operation by the registers, at the bus time `now` \[ns\]. Pulses begin at the start
+    /// time, or never if it has passed.
     pub fn activate(&mut self, memory: &Memory, now: u64) {
         let start = memory.u64(SYNC_START);
         let is_on = memory.u8(SYNC_ACTIVATION) & 0x03 == 0x03;
@@ -99,7 +102,7 @@ impl DistributedClock {
             Some(start).filter(|start| is_on && has_cycle && *start > self.system(memory, now));
     }
 
-    /// Bus's time of the next SYNC0 \[ns\], as far as the clock tells now; none while there are no pulses.
+    /// Bus time of the next SYNC0 \[ns\], predicted at the bus time `now` \[ns\]; `None` without pulses.
     pub fn due(&self, memory: &Memory, now: u64) -> Option<u64> {
         let next = self.next.filter(|_| !self.is_silent)?;
         let away = next.wrapping_sub(self.system(memory, now)) as i64;
@@ -107,18 +110,18 @@ impl DistributedClock {
         Some(now.saturating_add_signed(away - drift))
     }
 
-    /// A SYNC0 has been: the next one comes a cycle later.
+    /// Moves the next SYNC0 on by a cycle, after a pulse.
     pub fn pulse(&mut self, memory: &Memory) {
         let cycle = u64::from(memory.u32(SYNC0_CYCLE));
         self.next = self.next.map(|next| next + cycle);
     }
 
-    /// Whether SYNC0 comes.
+    /// Whether SYNC0 pulses are generated.
     pub fn is_running(&self) -> bool {
         self.next.is_some() && !self.is_silent
     }
 
-    /// Activation: whether SYNC0 and SYNC1 are on, and their cycles \[ns\].
+    /// Whether SYNC0 and SYNC1 are activated in the registers, and their cycle times \[ns\].
     pub fn settings(memory: &Memory) -> ([bool; 2], [u32; 2]) {
         let activation = memory.u8(SYNC_ACTIVATION);
         let cyclic = activation & 1 != 0;

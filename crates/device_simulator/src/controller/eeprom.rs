@@ -3,10 +3,10 @@
 use super::memory::Memory;
 use super::registers::EEPROM;
 
-/// The EEPROM behind registers 0x0500 to 0x050f.
+/// EEPROM interface of a device, behind registers 0x0500 to 0x050F.
 #[derive(Clone, Debug, Default)]
 pub struct Eeprom {
-    /// Its bytes; what lies beyond reads as 0xff.
+    /// Content of the EEPROM \[byte\]; addresses beyond it read as 0xFF.
     pub content: Vec<u8>,
 }
 
@@ -22,7 +22,7 @@ const RELOAD: u16 = 0x0400;
 const REFUSED: u16 = 0x2000;
 
 impl Eeprom {
-    /// Carries out what was written to the control register. The EEPROM cannot be written: a command to do so is refused.
+    /// Executes the command in the control register. The EEPROM is read-only: a write command is refused.
     pub fn carry_out(&self, memory: &mut Memory) {
         let command = memory.u16(EEPROM + 2) & COMMAND;
         let first = 2 * memory.u32(EEPROM + 4) as usize;

@@ -1,12 +1,13 @@
-//! Fieldbus memory management units: parts of the logical address space that are parts of a device's memory, bit by bit.
+//! Fieldbus memory management units: parts of the logical address space that are parts of a device's memory, bit by
+//! bit.
 
 use super::memory::Memory;
 use super::registers::FMMU;
 
-/// Units that a controller has.
+/// Number of FMMUs of a controller.
 pub const UNITS: u16 = 16;
 
-/// One unit, as its 16 bytes state.
+/// Fieldbus memory management unit (FMMU): mapping of a part of the logical address space to device memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fmmu {
     /// First logical bit: eight times the logical address, and the start bit.
@@ -15,25 +16,25 @@ pub struct Fmmu {
     bits: u64,
     /// First bit in the device's memory.
     physical: u64,
-    /// Whether reads are mapped.
+    /// Whether it maps reads.
     pub reads: bool,
-    /// Whether writes are mapped.
+    /// Whether it maps writes.
     pub writes: bool,
 }
 
-/// Bits that a datagram and a unit share.
+/// Overlap of a datagram and an FMMU, in bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlap {
-    /// First bit within the datagram's data.
+    /// First bit in the datagram's data.
     pub in_data: usize,
-    /// First bit within the device's memory.
+    /// First bit in the device's memory.
     pub in_memory: usize,
     /// Number of bits.
     pub bits: usize,
 }
 
 impl Fmmu {
-    /// The unit of a number; none where it is not active or maps nothing.
+    /// FMMU by its number, as its registers state it; `None` if it is inactive or maps nothing.
     pub fn of(memory: &Memory, number: u16) -> Option<Self> {
         let at = FMMU + 16 * number;
         let [start_bit, stop_bit, physical_bit] =
@@ -51,7 +52,7 @@ impl Fmmu {
         })
     }
 
-    /// What a datagram of a length \[byte\] at a logical address shares with the unit.
+    /// Overlap with a datagram of `length` \[byte\] at a logical address; `None` without overlap.
     pub fn overlap(&self, address: u32, length: usize) -> Option<Overlap> {
         let first = 8 * u64::from(address);
         let begin = first.max(self.logical);
@@ -64,7 +65,8 @@ impl Fmmu {
     }
 }
 
-/// Copies bits from one array into another; bits beyond either end are omitted.
+/// Copies `bits` bits from `from`, starting at bit `from_bit`, into `to` at bit `to_bit`; bits beyond either end are
+/// left out.
 pub fn copy_bits(to: &mut [u8], to_bit: usize, from: &[u8], from_bit: usize, bits: usize) {
     if [to_bit, from_bit, bits].iter().all(|number| number.is_multiple_of(8)) {
         let target = to.iter_mut().skip(to_bit / 8).take(bits / 8);

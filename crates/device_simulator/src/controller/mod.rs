@@ -1,4 +1,4 @@
-//! The controller of a device: what a frame meets before the application does.
+//! EtherCAT device controller: registers, memory, FMMUs, sync managers, distributed clock and watchdog.
 
 mod distributed_clock;
 mod eeprom;
@@ -22,7 +22,7 @@ use registers::{
     WATCHDOG_PROCESS_DATA, WATCHDOG_STATUS,
 };
 
-/// Registers, memory, clock, watchdog and EEPROM of one device.
+/// EtherCAT device controller: registers, memory, distributed clock, watchdog and EEPROM of one device.
 #[derive(Clone, Debug)]
 pub struct Controller {
     /// Registers and process memory.
@@ -59,7 +59,7 @@ const DEFAULT_DIVIDER: u16 = 2498;
 const DEFAULT_WATCHDOG: u16 = 1000;
 
 impl Controller {
-    /// A controller after power-on, with a clock and an EEPROM.
+    /// Controller after power-on, with this clock and EEPROM.
     pub fn new(clock: DistributedClock, eeprom: Eeprom) -> Self {
         let mut memory = Memory::default();
         // 16 FMMUs, four sync managers, 8 KiB, ports 0 and 1 by MII, clocks of 64 bit
@@ -90,7 +90,8 @@ impl Controller {
         std::mem::take(&mut self.events)
     }
 
-    /// Reads for the main device. False where nothing could be read.
+    /// Reads memory for the main device at the time `now` \[ns\]. Returns false if the read is refused, as of an
+    /// empty mailbox.
     pub fn read(&mut self, address: u16, into: &mut [u8], now: u64) -> bool {
         let length = into.len();
         if !self.memory.has(address, length) {
@@ -121,7 +122,8 @@ impl Controller {
         true
     }
 
-    /// Writes for the main device. False where nothing could be written.
+    /// Writes memory for the main device at the time `now` \[ns\]. Returns false if the write is refused, as to a
+    /// full mailbox.
     pub fn write(&mut self, address: u16, from: &[u8], now: u64) -> bool {
         let length = from.len();
         if !self.memory.has(address, length) {
@@ -192,7 +194,8 @@ impl Controller {
         }
     }
 
-    /// Processes a datagram with a logical address. Returns the increment of its working counter.
+    /// Executes a datagram with a logical address through the FMMUs, at the time `now` \[ns\]. Returns the increment
+    /// of its working counter.
     pub fn logical(&mut self, address: u32, access: Access, data: &mut [u8], now: u64) -> u16 {
         let (mut was_read, mut was_written) = (false, false);
         let units: Vec<Fmmu> =

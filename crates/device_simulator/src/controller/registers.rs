@@ -1,6 +1,6 @@
 //! Addresses of a controller's registers, and which of their bytes the main device may write.
 
-/// Type, revision, build, number of FMMUs and sync managers, memory, ports, features.
+/// Device information: type, revision, build, number of FMMUs and sync managers, memory size, ports, features.
 pub const INFORMATION: u16 = 0x0000;
 /// Configured station address.
 pub const STATION_ADDRESS: u16 = 0x0010;
@@ -10,55 +10,55 @@ pub const STATION_ALIAS: u16 = 0x0012;
 pub const DATA_LINK_CONTROL: u16 = 0x0100;
 /// Data link status: links and loops of the ports.
 pub const DATA_LINK_STATUS: u16 = 0x0110;
-/// Requested state, with the bit that acknowledges an error.
+/// AL control: requested state, and bit 4 to acknowledge an error.
 pub const AL_CONTROL: u16 = 0x0120;
-/// State, with the bit of an error.
+/// AL status: present state, and bit 4 for an error.
 pub const AL_STATUS: u16 = 0x0130;
-/// Reason of the error.
+/// AL status code: reason of the error.
 pub const AL_STATUS_CODE: u16 = 0x0134;
-/// Interface to the application.
+/// PDI control: interface to the application.
 pub const PDI_CONTROL: u16 = 0x0140;
-/// Errors per port, lost links.
+/// Error counters of the ports, and lost links.
 pub const ERROR_COUNTERS: u16 = 0x0300;
-/// Watchdog divider, in units of 40 ns, less two.
+/// Watchdog divider, in units of 40 ns, minus 2.
 pub const WATCHDOG_DIVIDER: u16 = 0x0400;
-/// Process-data watchdog, in units of the divider.
+/// Time of the process-data watchdog, in units of the divider; 0 switches it off.
 pub const WATCHDOG_PROCESS_DATA: u16 = 0x0420;
-/// 1 while the process-data watchdog has not expired.
+/// Watchdog status: 1 while the process-data watchdog has not expired.
 pub const WATCHDOG_STATUS: u16 = 0x0440;
-/// How often it has expired.
+/// Number of expirations of the process-data watchdog.
 pub const WATCHDOG_COUNTER: u16 = 0x0442;
-/// Access to the EEPROM, then control and status, address, data.
+/// EEPROM interface: access rights, then control and status, address, data.
 pub const EEPROM: u16 = 0x0500;
-/// Fieldbus memory management units, 16 bytes each.
+/// First FMMU; 16 bytes each.
 pub const FMMU: u16 = 0x0600;
-/// Sync managers, 8 bytes each.
+/// First sync manager; 8 bytes each.
 pub const SYNC_MANAGER: u16 = 0x0800;
-/// Receive times of the ports.
+/// Receive times of the ports, local time \[ns\].
 pub const RECEIVE_TIME: u16 = 0x0900;
-/// System time.
+/// System time \[ns\].
 pub const SYSTEM_TIME: u16 = 0x0910;
-/// Receive time at the processing unit.
+/// Receive time at the processing unit, local time \[ns\].
 pub const RECEIVE_TIME_UNIT: u16 = 0x0918;
-/// Offset of the system time from the local time.
+/// Offset of system time from local time \[ns\].
 pub const SYSTEM_TIME_OFFSET: u16 = 0x0920;
-/// Delay from the reference clock.
+/// Propagation delay from the reference clock \[ns\].
 pub const SYSTEM_TIME_DELAY: u16 = 0x0928;
-/// Difference of the system time from the received one; bit 31 where the local one is smaller.
+/// Difference of the system time from the received one \[ns\]; bit 31 is set if the own one is smaller.
 pub const SYSTEM_TIME_DIFFERENCE: u16 = 0x092c;
-/// Start of the filters of the control loop.
+/// Speed counter start: resets the filters of the clock's control loop.
 pub const SPEED_COUNTER: u16 = 0x0930;
-/// Unit that controls SYNC.
+/// Owner of the SYNC unit: main device or application.
 pub const SYNC_UNIT: u16 = 0x0980;
-/// Activation of cyclic operation, SYNC0, SYNC1.
+/// Activation of cyclic operation, SYNC0 and SYNC1.
 pub const SYNC_ACTIVATION: u16 = 0x0981;
-/// Start of cyclic operation; read, the time of the next SYNC0.
+/// Start time of cyclic operation; when read, the time of the next SYNC0, system time \[ns\].
 pub const SYNC_START: u16 = 0x0990;
-/// Cycle of SYNC0 \[ns\].
+/// Cycle time of SYNC0 \[ns\].
 pub const SYNC0_CYCLE: u16 = 0x09a0;
-/// Cycle of SYNC1 \[ns\].
+/// Cycle time of SYNC1 \[ns\].
 pub const SYNC1_CYCLE: u16 = 0x09a4;
-/// First byte of the memory for process data and mailboxes.
+/// First address of the process memory, for process data and mailboxes.
 pub const PROCESS_MEMORY: u16 = 0x1000;
 
 /// Parts of the registers that only the device writes.
@@ -78,7 +78,7 @@ const READ_ONLY: [std::ops::Range<u16>; 13] = [
     SYSTEM_TIME_DIFFERENCE..SPEED_COUNTER,
 ];
 
-/// Whether the main device may write a byte of the registers.
+/// Whether the main device may write a byte of the registers at this address.
 pub fn is_writable(address: u16) -> bool {
     !READ_ONLY.iter().any(|range| range.contains(&address))
 }

@@ -3,17 +3,17 @@
 use super::memory::Memory;
 use super::registers::SYNC_MANAGER;
 
-/// Sync managers that a controller has.
+/// Number of sync managers of a controller.
 pub const COUNT: u16 = 4;
 
-/// One sync manager, as its eight bytes state.
+/// Sync manager: memory shared by main device and application, as its eight registers state it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SyncManager {
-    /// First byte of the memory.
+    /// First address of its memory.
     pub start: u16,
-    /// Bytes of it.
+    /// Length of its memory \[byte\].
     pub length: u16,
-    /// Mode, direction, interrupts and watchdog trigger.
+    /// Control byte: mode, direction, interrupts and watchdog trigger.
     pub control: u8,
     /// Whether it is enabled.
     pub is_enabled: bool,
@@ -23,7 +23,7 @@ pub struct SyncManager {
 const FULL: u8 = 0x08;
 
 impl SyncManager {
-    /// The sync manager of a number.
+    /// Sync manager by its number, as its registers state it.
     pub fn of(memory: &Memory, number: u16) -> Self {
         let at = SYNC_MANAGER + 8 * number;
         Self {
@@ -34,40 +34,40 @@ impl SyncManager {
         }
     }
 
-    /// Whether it is a mailbox; else it is a buffer.
+    /// Whether it is in mailbox mode; else in buffer mode.
     pub fn is_mailbox(&self) -> bool {
         self.control & 0x03 == 0x02
     }
 
-    /// Whether the main device writes it.
+    /// Whether its direction is from main device to application.
     pub fn is_written_by_main_device(&self) -> bool {
         self.control & 0x0c == 0x04
     }
 
-    /// Whether writes to it feed the process-data watchdog.
+    /// Whether writes to it trigger the process-data watchdog.
     pub fn feeds_watchdog(&self) -> bool {
         self.control & 0x40 != 0
     }
 
-    /// Whether an access touches its memory.
+    /// Whether an access of `length` \[byte\] at `address` overlaps its memory, while it is enabled.
     pub fn touches(&self, address: u16, length: usize) -> bool {
         let (a, b) = (usize::from(self.start), usize::from(self.start) + usize::from(self.length));
         let first = usize::from(address);
         self.is_enabled && self.length > 0 && first < b && first + length > a
     }
 
-    /// Whether an access of the main device ends the buffer: its last byte is among those touched.
+    /// Whether an access of `length` \[byte\] at `address` includes its last byte, which completes the exchange.
     pub fn is_ended_by(&self, address: u16, length: usize) -> bool {
         let last = usize::from(self.start) + usize::from(self.length);
         self.touches(address, length) && usize::from(address) + length >= last
     }
 
-    /// Whether a mailbox is full.
+    /// Whether the mailbox of this sync manager number is full.
     pub fn is_full(memory: &Memory, number: u16) -> bool {
         memory.u8(SYNC_MANAGER + 8 * number + 5) & FULL != 0
     }
 
-    /// Marks a mailbox as full or empty.
+    /// Marks the mailbox of this sync manager number as full or empty.
     pub fn set_full(memory: &mut Memory, number: u16, full: bool) {
         let at = SYNC_MANAGER + 8 * number + 5;
         let status = memory.u8(at);

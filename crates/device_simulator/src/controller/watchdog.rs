@@ -5,7 +5,7 @@ use super::registers::{
     WATCHDOG_COUNTER, WATCHDOG_DIVIDER, WATCHDOG_PROCESS_DATA, WATCHDOG_STATUS,
 };
 
-/// State of the watchdog.
+/// Process-data watchdog.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Watchdog {
     /// When outputs came last \[ns\]; none before the first.
@@ -14,19 +14,19 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// Time of the watchdog \[ns\]; none where it is switched off by a zero.
+    /// Watchdog time by the registers \[ns\]; `None` if it is zero, switched off.
     pub fn time(memory: &Memory) -> Option<u64> {
         let unit = 40 * (u64::from(memory.u16(WATCHDOG_DIVIDER)) + 2);
         Some(unit * u64::from(memory.u16(WATCHDOG_PROCESS_DATA))).filter(|time| *time > 0)
     }
 
-    /// Outputs came.
+    /// Restarts the watchdog after complete outputs at the time `now` \[ns\].
     pub fn feed(&mut self, memory: &mut Memory, now: u64) {
         (self.fed, self.expired) = (Some(now), false);
         memory.set(WATCHDOG_STATUS, &[1, 0]);
     }
 
-    /// When it expires \[ns\], if it runs.
+    /// Time of expiration \[ns\]; `None` if the watchdog does not run.
     pub fn due(&self, memory: &Memory) -> Option<u64> {
         match (self.fed, self.expired) {
             (Some(fed), false) => Some(fed + Self::time(memory)?),
@@ -34,7 +34,7 @@ impl Watchdog {
         }
     }
 
-    /// Lets it expire.
+    /// Expires: updates status and counter registers.
     pub fn expire(&mut self, memory: &mut Memory) {
         self.expired = true;
         let count = memory.u8(WATCHDOG_COUNTER).saturating_add(1);
@@ -42,7 +42,8 @@ impl Watchdog {
         memory.set(WATCHDOG_COUNTER, &[count]);
     }
 
-    /// Stops it, as a state without outputs does; the register shows that it has expired until outputs come again.
+    /// Stops the watchdog, as in a state without outputs; the status register shows expiration until outputs come
+    /// again.
     pub fn stop(&mut self) {
         *self = Self::default();
     }

@@ -4,21 +4,21 @@ use crate::al_status_code::AlStatusCode;
 use crate::mailbox::Emergency;
 use crate::object_dictionary::{Abort, Key};
 
-/// A fault of a device.
+/// Fault that can be injected into a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// It ignores a number of frames: working counters are too low.
+    /// The device ignores this number of frames, so that working counters are too low.
     Deaf(u32),
-    /// It falls back to SAFEOP, with a reason.
+    /// The device falls back to SAFEOP with this AL status code.
     StateDrop(AlStatusCode),
-    /// SYNC0 stays away.
+    /// No SYNC0 pulses.
     SyncMissing,
-    /// Its clock becomes faster by a number of ppb.
+    /// Additional drift of the device's clock \[ppb\].
     Drift(i64),
-    /// The mailbox is not read.
+    /// The device does not read its mailbox.
     MailboxStuck,
-    /// An SDO of a key is refused.
+    /// SDO access to this object is aborted with this code.
     SdoAbort(Key, Abort),
-    /// An emergency is sent.
+    /// The device sends this emergency message.
     Emergency(Emergency),
 }

@@ -20,12 +20,12 @@ use crate::object_dictionary::{
 };
 use std::collections::VecDeque;
 
-/// A simulated device.
+/// Simulated EtherCAT device: controller, state machine, mailbox, object dictionary and application.
 pub struct Device {
     settings: Settings,
-    /// Registers, memory and clock.
+    /// Device controller: registers, memory and clock.
     pub controller: Controller,
-    /// Objects.
+    /// CoE object dictionary.
     pub dictionary: ObjectDictionary,
     application: Box<dyn Application>,
     state: State,
@@ -71,7 +71,7 @@ impl std::fmt::Debug for Device {
 }
 
 impl Device {
-    /// A device after power-on.
+    /// Device after power-on, in state INIT.
     pub fn new(
         settings: Settings,
         clock: DistributedClock,
@@ -100,17 +100,17 @@ impl Device {
         }
     }
 
-    /// State, and the reason of an error.
+    /// Present state, and the AL status code of an error; `None` without an error.
     pub fn state(&self) -> (State, Option<AlStatusCode>) {
         (self.state, self.error)
     }
 
-    /// Name.
+    /// Name of the device.
     pub fn name(&self) -> &str {
         &self.settings.name
     }
 
-    /// Injects a fault, at a time \[ns\].
+    /// Injects a fault at the time `now` \[ns\].
     pub fn inject(&mut self, fault: Fault, now: u64) {
         match fault {
             Fault::StateDrop(code) => self.fail(State::SafeOp, code, now),
@@ -121,7 +121,7 @@ impl Device {
         }
     }
 
-    /// Takes all injected faults away that last.
+    /// Removes all lasting injected faults.
     pub fn clear_faults(&mut self) {
         self.faults.clear();
         self.controller.clock.is_silent = false;
@@ -208,7 +208,8 @@ impl Device {
         }
     }
 
-    /// Lets time go on to `now` \[ns\]: SYNC0, watchdog, mailbox and states come in their order. A time that has passed changes nothing.
+    /// Advances the device to the time `now` \[ns\]: SYNC0, watchdog, mailbox and state changes, in the order of
+    /// their times. A time in the past has no effect.
     pub fn advance(&mut self, now: u64) {
         let now = now.max(self.now);
         self.now = now;

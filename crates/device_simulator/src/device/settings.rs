@@ -1,6 +1,6 @@
-//! What a device is: identity, memory layout, and what it asks of synchronisation.
+//! Settings of a device: identity, memory layout and synchronisation.
 
-/// Identity, as in object 0x1018 and in the EEPROM.
+/// Identity of a device, as in object 0x1018 and in the EEPROM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// Vendor ID.
@@ -13,33 +13,34 @@ pub struct Identity {
     pub serial: u32,
 }
 
-/// Part of the process memory that a sync manager shares.
+/// Part of the process memory that belongs to a sync manager.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Area {
     /// Number of the sync manager.
     pub sync_manager: u16,
-    /// First byte.
+    /// First address in the process memory.
     pub start: u16,
-    /// Bytes: of a mailbox all, of process data the most there may be.
+    /// Length \[byte\]; for process data the largest length.
     pub length: u16,
 }
 
-/// What a device asks of synchronisation.
+/// Synchronisation capabilities and requirements of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Synchronisation {
-    /// Whether it works without SYNC0.
+    /// Whether it supports free run, without SYNC0.
     pub may_run_free: bool,
-    /// Whether SYNC0 can be used.
+    /// Whether it supports SYNC0.
     pub has_sync0: bool,
-    /// Whether SYNC1 can be used beside it.
+    /// Whether it supports SYNC1 in addition.
     pub has_sync1: bool,
-    /// Shortest cycle of SYNC0, of which a longer one is a multiple \[ns\].
+    /// Base cycle time \[ns\]: shortest SYNC0 cycle, of which longer ones are multiples.
     pub base_cycle: u32,
-    /// Time before SYNC0 by which outputs have to be there \[ns\].
+    /// Set-up time \[ns\]: outputs must arrive this long before SYNC0.
     pub set_up: u64,
-    /// Missed cycles beyond which it stops; a missed one counts three, a good one takes one back (as object 0x10F1:02 of many drives).
+    /// Limit of the counter of missed cycles, beyond which the device leaves OP. A missed cycle adds three, a good
+    /// one subtracts one (as object 0x10F1:02 of many drives).
     pub missed_limit: u32,
-    /// How long SAFEOP waits for SYNC0 and outputs before OP is refused \[ns\].
+    /// Time for which the device waits in SAFEOP for SYNC0 and outputs until it refuses OP \[ns\].
     pub patience: u64,
 }
 
@@ -58,33 +59,35 @@ impl Default for Synchronisation {
     }
 }
 
-/// What a device is.
+/// Settings of a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Name, at most 30 ASCII characters.
+    /// Name of the device, at most 30 ASCII characters.
     pub name: String,
     /// Identity.
     pub identity: Identity,
-    /// Mailboxes for requests and answers; none for a device without CoE.
+    /// Mailbox areas for requests and answers; `None` for a device without CoE.
     pub mailbox: Option<[Area; 2]>,
-    /// Outputs, from the main device; none where there are none.
+    /// Area of output data, from the main device; `None` without outputs.
     pub outputs: Option<Area>,
-    /// Inputs, to the main device.
+    /// Area of input data, to the main device; `None` without inputs.
     pub inputs: Option<Area>,
-    /// What it asks of synchronisation.
+    /// Synchronisation capabilities and requirements.
     pub synchronisation: Synchronisation,
-    /// Longest process-data watchdog \[ns\] that it goes into SAFEOP with, where one is wanted; none where it takes any, and none at all.
+    /// Longest process-data watchdog time with which it enters SAFEOP \[ns\]; a watchdog is then required. `None`:
+    /// any time, or no watchdog.
     pub longest_watchdog: Option<u64>,
-    /// Time until the mailbox is answered \[ns\].
+    /// Time from a mailbox request to its answer \[ns\].
     pub mailbox_time: u64,
-    /// Time until a requested state is entered or refused \[ns\].
+    /// Time from the request of a state until it is entered or refused \[ns\].
     pub state_change_time: u64,
-    /// Whether the controller itself follows the requested state, as in devices without an application of their own.
+    /// Device emulation: the controller acknowledges requested states by itself, as in devices without an
+    /// application.
     pub is_emulated: bool,
 }
 
 impl Settings {
-    /// A device with a name and an identity, without mailbox and process data.
+    /// Settings with a name and an identity, without mailbox and process data.
     pub fn new(name: &str, identity: Identity) -> Self {
         Self {
             name: name.into(),
@@ -100,7 +103,7 @@ impl Settings {
         }
     }
 
-    /// With mailboxes of 128 bytes at 0x1000 and 0x1080, and process data of up to 64 bytes at 0x1100 and 0x1180.
+    /// Adds mailboxes of 128 bytes at 0x1000 and 0x1080, and process data of up to 64 bytes at 0x1100 and 0x1180.
     pub fn with_mailbox(mut self) -> Self {
         let area = |sync_manager, start, length| Area { sync_manager, start, length };
         self.mailbox = Some([area(0, 0x1000, 128), area(1, 0x1080, 128)]);
@@ -110,9 +113,9 @@ impl Settings {
     }
 }
 
-/// Control byte of a sync manager for a mailbox, by direction.
+/// Control bytes of the sync managers of mailboxes: requests, answers.
 pub const MAILBOX_CONTROL: [u8; 2] = [0x26, 0x22];
-/// Control byte of a sync manager for outputs, with the watchdog, and for inputs.
+/// Control bytes of the sync managers of process data: outputs (with the watchdog), inputs.
 pub const PROCESS_DATA_CONTROL: [u8; 2] = [0x64, 0x20];
-/// Bits of a control byte that state mode and direction.
+/// Mask of the control byte for mode and direction.
 pub const MODE_AND_DIRECTION: u8 = 0x0f;

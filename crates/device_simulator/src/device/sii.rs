@@ -1,4 +1,5 @@
-//! Content of the EEPROM (SII): identity, mailboxes, and categories for strings, general data, FMMUs, sync managers, process data and clocks.
+//! Content of the EEPROM (SII): identity, mailboxes, and categories for strings, general data, FMMUs, sync managers,
+//! process data and clocks.
 //!
 //! Source: ETG.1000.6, slave information interface; ETG.2010.
 
@@ -10,7 +11,7 @@ const CATEGORIES: usize = 0x80;
 /// Size of the EEPROM in kbit, less one, as its header states.
 const SIZE: u16 = 15;
 
-/// The EEPROM of a device.
+/// Content of a device's EEPROM \[byte\].
 pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     let mut bytes = vec![0; CATEGORIES];
     let mut put = |word: usize, value: &[u8]| {
@@ -149,7 +150,8 @@ fn process_data(dictionary: &ObjectDictionary, assignment: u16, area: Area) -> V
     bytes
 }
 
-/// A mode of the distributed clock: what is to be written to 0x0980 and 0x0981; cycles and shifts are the main device's.
+/// A mode of the distributed clock: what is to be written to 0x0980 and 0x0981; cycles and shifts are the main
+/// device's.
 fn clock_mode(assign_activate: u16) -> Vec<u8> {
     let mut bytes = vec![0; 24];
     bytes[14..16].copy_from_slice(&assign_activate.to_le_bytes());

@@ -5,25 +5,25 @@ use crate::al_status_code::AlStatusCode;
 use crate::controller::{DistributedClock, Memory, SyncManager, Watchdog};
 use crate::object_dictionary::{ObjectDictionary, mapped_bytes};
 
-/// State of a device.
+/// State of the EtherCAT state machine (ESM), with its number in AL control and AL status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum State {
-    /// No mailbox, no process data.
+    /// INIT: no mailbox, no process data.
     Init = 1,
-    /// Mailbox.
+    /// PREOP: mailbox.
     PreOp = 2,
-    /// Mailbox and inputs; outputs are safe.
+    /// SAFEOP: mailbox and inputs; outputs are in their safe state.
     SafeOp = 4,
-    /// Mailbox, inputs and outputs.
+    /// OP: mailbox, inputs and outputs.
     Op = 8,
 }
 
 impl State {
-    /// Of the number in a register.
+    /// State by its number in AL control.
     ///
     /// # Errors
     ///
-    /// What a device says of bootstrap (3) and of numbers that are no state.
+    /// AL status code for bootstrap (3), and for numbers without a state.
     pub fn of(number: u8) -> Result<Self, AlStatusCode> {
         match number {
             1 => Ok(Self::Init),
@@ -47,11 +47,11 @@ fn is_allowed(from: State, to: State) -> bool {
         )
 }
 
-/// Checks a change of state.
+/// Checks whether a device may change from one state to another.
 ///
 /// # Errors
 ///
-/// The code with which the device refuses.
+/// AL status code with which the device refuses the change.
 pub fn check(
     from: State,
     to: State,

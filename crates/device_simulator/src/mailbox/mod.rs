@@ -11,16 +11,16 @@ const ERROR: u8 = 0;
 /// Type of CANopen over EtherCAT.
 const COE: u8 = 3;
 
-/// What came by mailbox.
+/// Request received by mailbox.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// An SDO request: command, index, subindex and what follows.
+    /// SDO request: command, index, subindex and data.
     Sdo(Vec<u8>),
     /// An SDO information request.
     Information,
-    /// A protocol or a service that the device does not speak.
+    /// Protocol or service that the device does not support.
     Unsupported,
-    /// Too short, or the header states more than is there.
+    /// Message that is too short, or shorter than its header states.
     Malformed,
 }
 
@@ -30,7 +30,7 @@ const SDO_REQUEST: u8 = 2;
 const SDO_RESPONSE: u8 = 3;
 const SDO_INFORMATION: u8 = 8;
 
-/// Reads what came.
+/// Parses a mailbox message.
 pub fn request(bytes: &[u8]) -> Request {
     let Some(header) = bytes.first_chunk::<HEADERS>() else { return Request::Malformed };
     let length = usize::from(u16::from_le_bytes([header[0], header[1]]));
@@ -53,18 +53,18 @@ fn coe(service: u8, counter: u8, data: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// An SDO response.
+/// SDO response with a mailbox counter and the SDO part of the message.
 pub fn sdo_response(counter: u8, data: &[u8]) -> Vec<u8> {
     coe(SDO_RESPONSE, counter, data)
 }
 
-/// The answer to an SDO information request: an error, as the service is not there.
+/// Answer to an SDO information request: error, as the service is not supported.
 pub fn no_information(counter: u8) -> Vec<u8> {
     let abort = (crate::object_dictionary::Abort::UnsupportedAccess as u32).to_le_bytes();
     coe(SDO_INFORMATION, counter, &[&[7, 0, 0, 0], &abort[..]].concat())
 }
 
-/// An emergency: a code, the error register, five bytes of the manufacturer.
+/// CoE emergency message; the five bytes of the manufacturer are zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emergency {
     /// Error code, as in 0x603F.
@@ -73,13 +73,13 @@ pub struct Emergency {
     pub register: u8,
 }
 
-/// An emergency message.
+/// Mailbox message of an emergency, with a mailbox counter.
 pub fn emergency(counter: u8, message: Emergency) -> Vec<u8> {
     let [low, high] = message.code.to_le_bytes();
     coe(EMERGENCY, counter, &[low, high, message.register, 0, 0, 0, 0, 0])
 }
 
-/// A mailbox error: the protocol is not supported (2) or the header is malformed (1: syntax).
+/// Mailbox error message with a detail code: 1 for a malformed header (syntax), 2 for an unsupported protocol.
 pub fn error(counter: u8, detail: u16) -> Vec<u8> {
     let [low, high] = detail.to_le_bytes();
     vec![4, 0, 0, 0, 0, ERROR | counter << 4, 1, 0, low, high]

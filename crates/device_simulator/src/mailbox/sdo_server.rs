@@ -1,13 +1,15 @@
-//! SDO server: expedited and normal upload and download, and abort. No segments: a value that does not fit the mailbox is refused.
+//! SDO server: expedited and normal upload and download, and abort. No segments: a value that does not fit the mailbox
+//! is refused.
 
 use crate::object_dictionary::{Abort, Key};
 
 /// Bytes before the data of a normal transfer: both headers, command, index, subindex, size.
 const BEFORE_DATA: usize = super::HEADERS + 8;
 
-/// What a request does, as two functions of a key: read, and write.
+/// Answers an SDO request by two functions of the object's key, `read` and `write`; `None` if there is no answer.
 ///
-/// The answer is the SDO part of a response: command, index, subindex, data. `room` is the length of the mailbox.
+/// The answer is the SDO part of a response: command, index, subindex, data. `room` is the length of the mailbox
+/// \[byte\].
 pub fn answer(
     request: &[u8],
     room: usize,

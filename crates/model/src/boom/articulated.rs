@@ -1,4 +1,5 @@
-//! The mass matrix solved in time proportional to the number of segments.
+//! Articulated-body method: the mass matrix solved in time proportional to the number of segments (as in R.
+//! Featherstone, Rigid Body Dynamics Algorithms, 2008).
 //!
 //! M(phi) of equation (26) is full, but the boom is a chain. Everything beyond a joint acts on it with a
 //! force that is linear in the joint's acceleration `a` and in the inner segment's angular acceleration.
@@ -14,7 +15,9 @@
 use super::{Boom, Pose};
 use hydroboom_math::Real;
 
-/// The boom's mass matrix, plus joint impedances, factored at one pose.
+/// Factors of the boom's mass matrix M(φ) (26) at one pose, by the articulated-body method.
+///
+/// Joint impedances \[kg·m²\] may be added to it, as an implicit step needs: `(γh)² k_C + γh b_C`.
 #[derive(Clone, Copy, Debug)]
 pub struct Articulated<T, const N: usize> {
     /// Reciprocal of each segment's inertia with all outer segments, 1/D.
@@ -29,7 +32,8 @@ pub struct Articulated<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Boom<T, N> {
-    /// Factors the mass matrix at a pose, with an impedance \[kg·m²\] for every joint or with none.
+    /// Factors the mass matrix M(φ) (26) at a pose. `impedance` \[kg·m²\], one per joint, is added; `None`
+    /// adds none.
     #[inline(always)]
     pub fn articulated(&self, pose: &Pose<T, N>, impedance: Option<&[T; N]>) -> Articulated<T, N> {
         let zero = T::zero();
@@ -90,7 +94,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
 }
 
 impl<T: Real, const N: usize> Articulated<T, N> {
-    /// Angular accelerations \[rad/s²\] under the given moments \[N·m\].
+    /// Angular accelerations φ̈ = M⁻¹ l \[rad/s²\] of all coordinates under generalised moments l \[N·m\].
     #[inline(always)]
     pub fn solve(&self, boom: &Boom<T, N>, moment: &[T; N]) -> [T; N] {
         let zero = T::zero();

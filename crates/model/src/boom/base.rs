@@ -1,5 +1,5 @@
-//! The base frame: a column that gives way under the cylinder's foot (equation ours; the paper's
-//! base is rigid).
+//! Elastic base frame: a column that turns under the force at the cylinder's foot (equation ours; the paper's base is
+//! rigid).
 
 use hydroboom_math::{Real, record};
 
@@ -19,13 +19,13 @@ record! {
         /// Moment of inertia about the bearing, J
         #[unit = "kg·m²"]
         pub inertia: T,
-        /// Stiffness against turning, k
+        /// Rotational stiffness about the bearing, k
         #[unit = "N·m/rad"]
         pub stiffness: T,
-        /// Damping of the turning, b
+        /// Rotational damping about the bearing, b
         #[unit = "N·m·s/rad"]
         pub damping: T,
-        /// Angle free of any stiffness to either side, δ
+        /// Angle of play to either side, without stiffness, δ
         #[unit = "rad"]
         pub slack: T,
     }

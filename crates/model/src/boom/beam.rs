@@ -1,4 +1,4 @@
-//! From a beam to segments and joints (equations (13), (14)).
+//! Lumped-parameter beam: division of a uniform beam into segments and joints (equations (13), (14)).
 
 use super::{Boom, Joint, MAX_SEGMENTS, Mount, Payload, Segment};
 use core::fmt;
@@ -16,7 +16,7 @@ record! {
         /// Flexural rigidity, E I
         #[unit = "N·m²"]
         pub flexural_rigidity: T,
-        /// Damping ratio of a joint, zeta
+        /// Damping ratio of each joint, ζ
         #[unit = "1"]
         pub damping_ratio: T,
         /// Mass of the payload
@@ -38,39 +38,39 @@ record! {
 }
 
 record! {
-    /// Where bearing, cylinder foot and cylinder mount lie (Table 1, figure 2).
+    /// Positions of bearing, cylinder foot and cylinder mount (Table 1, figure 2).
     pub struct Geometry<T> {
-        /// Cylinder mount C along the straight boom
+        /// Position of cylinder mount C along the straight boom, from the bearing
         #[unit = "m"]
         pub mount_x: T,
-        /// Cylinder mount C across the straight boom, positive upwards
+        /// Position of cylinder mount C across the straight boom, positive upwards
         #[unit = "m"]
         pub mount_y: T,
-        /// Cylinder foot B on the base, to the right of the bearing
+        /// Horizontal position of cylinder foot B, to the right of the bearing
         #[unit = "m"]
         pub base_x: T,
-        /// Cylinder foot B on the base, above the bearing
+        /// Vertical position of cylinder foot B, above the bearing
         #[unit = "m"]
         pub base_y: T,
-        /// Distance from B to C with the piston at its lower stop
+        /// Distance from foot B to mount C with the piston at its lower stop, L_cyl,min
         #[unit = "m"]
         pub shortest: T,
     }
 }
 
-/// Why a division of the boom into segments is impossible.
+/// Reason why a boom cannot be divided into segments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LayoutError {
-    /// There are none, or more than the boom's type has room for.
+    /// The number of segments is zero, or larger than the boom's type has room for.
     Count {
         /// Requested number of segments.
         asked: usize,
-        /// The largest number possible.
+        /// Largest possible number of segments.
         most: usize,
     },
-    /// A segment's share of the length is not positive and finite.
+    /// A segment's share of the boom's length is not positive and finite.
     Length {
-        /// Which one, counted from the bearing and from zero.
+        /// Index of the segment, counted from the bearing, from 0.
         segment: usize,
     },
 }

@@ -1,4 +1,4 @@
-//! The applied moments l (24) and the inertial moments M ddphi, in one pass out and one back.
+//! Equations of motion of the boom: applied moments l (24) and inertial moments M φ̈, in one pass out and one back.
 
 use super::{Boom, BoomState, Pose};
 use hydroboom_math::Real;
@@ -12,8 +12,8 @@ impl<T: Real, const N: usize> Boom<T, N> {
     /// τ_i = k_C (φ_{i+1} − φ_i − δ_i) + b_C (φ̇_{i+1} − φ̇_i)                            (15, 16)
     /// ```
     ///
-    /// δ_i is the joint's bend without load, zero in the paper's straight boom. a*_k holds the terms of the acceleration with φ̇²; each points back along its vector. The
-    /// cylinder's force F adds `arm_i F`.
+    /// δ_i is the joint's bend without load, zero in the paper's straight boom. a*_k holds the terms of the
+    /// acceleration with φ̇²; each points back along its vector. The cylinder's force F adds `arm_i F`.
     #[inline(always)]
     pub fn applied_moments(&self, pose: &Pose<T, N>, state: &BoomState<T, N>) -> [T; N] {
         let n = self.len();
@@ -45,7 +45,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         moment
     }
 
-    /// Moments M ddphi \[N·m\] that given angular accelerations \[rad/s²\] ask for, at this pose.
+    /// Inertial moments M(φ) φ̈ \[N·m\], left-hand side of (26), for angular accelerations φ̈ \[rad/s²\] at a pose.
     #[inline(always)]
     pub fn inertial_moments(&self, pose: &Pose<T, N>, acceleration: &[T; N]) -> [T; N] {
         let n = self.len();

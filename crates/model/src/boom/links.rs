@@ -1,32 +1,32 @@
-//! A boom of unequal links, each with its own mass, centre and joint (ours: the paper's boom is a beam).
+//! Boom of unequal links, each with its own mass, centre of mass and joint (ours: the paper's boom is a beam).
 
 use super::{Boom, Geometry, Joint, LayoutError, MAX_SEGMENTS, Mount, Segment};
 use hydroboom_math::{Real, record};
 
-/// A link and the joint at its inner end.
+/// A rigid link of the boom, and the elastic joint at its inner end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link<T> {
-    /// The link itself.
+    /// Length, mass, centre of mass and moment of inertia of the link.
     pub body: Segment<T>,
-    /// Stiffness of the joint that holds it to the link before \[N·m/rad\]: a cylinder at rest, a weld, a bend in steel. The
-    /// first link turns freely about the bearing.
+    /// Torsional stiffness of the joint to the link before \[N·m/rad\]: a cylinder at rest, a weld, a bend in steel.
+    /// The first link turns freely about the bearing.
     pub joint_stiffness: T,
-    /// Damping ratio of the joint with this link alone on it.
+    /// Damping ratio ζ \[1\] of the joint with this link alone on it; 0 is undamped.
     pub joint_damping: T,
-    /// Angle against the link before while the joint carries no load \[rad\].
+    /// Angle to the link before with no moment in the joint \[rad\], counter-clockwise.
     pub joint_angle: T,
 }
 
 record! {
-    /// Load at the last segment, in that segment's frame.
+    /// Payload on the last segment, in that segment's frame (x along the segment from its inner joint, y across it).
     pub struct Payload<T> {
-        /// Mass
+        /// Mass of the payload
         #[unit = "kg"]
         pub mass: T,
-        /// Centre of mass along the segment
+        /// Position of its centre of mass along the segment, from the inner joint
         #[unit = "m"]
         pub x: T,
-        /// Centre of mass across the segment, positive upwards
+        /// Position of its centre of mass across the segment, positive upwards
         #[unit = "m"]
         pub y: T,
         /// Moment of inertia about its centre of mass

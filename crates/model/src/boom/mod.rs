@@ -1,4 +1,4 @@
-//! The flexible boom: rigid segments joined by elastic hinges (section 3.2).
+//! Flexible boom as a multibody system: rigid segments joined by elastic hinges (section 3.2).
 
 mod articulated;
 mod base;
@@ -17,7 +17,7 @@ pub use pose::Pose;
 
 use hydroboom_math::{Real, record};
 
-/// The largest number of segments a boom can have.
+/// Largest number of segments of a boom.
 pub const MAX_SEGMENTS: usize = 50;
 
 /// Up to this capacity a boom always has exactly as many segments as its type has room for, so
@@ -25,18 +25,19 @@ pub const MAX_SEGMENTS: usize = 50;
 const EXACT: usize = 3;
 
 record! {
-    /// One rigid body of the boom. Its frame starts at its inner joint, x along the boom.
+    /// Rigid body of the boom. Its frame has its origin at the inner joint, x along the boom, y across it, positive
+    /// upwards.
     pub struct Segment<T> {
         /// Distance between its joints, L_seg
         #[unit = "m"]
         pub length: T,
-        /// Mass, m
+        /// Mass of the segment, m
         #[unit = "kg"]
         pub mass: T,
-        /// Centre of mass along the segment
+        /// Position of the centre of mass along the segment, from the inner joint
         #[unit = "m"]
         pub centre_x: T,
-        /// Centre of mass across the segment
+        /// Position of the centre of mass across the segment, positive upwards
         #[unit = "m"]
         pub centre_y: T,
         /// Moment of inertia about the centre of mass, J
@@ -48,19 +49,19 @@ record! {
 record! {
     /// The elastic hinge between two segments.
     pub struct Joint<T> {
-        /// Torsional stiffness, k_C
+        /// Torsional stiffness of the joint, k_C (15)
         #[unit = "N·m/rad"]
         pub stiffness: T,
-        /// Torsional damping, b_C
+        /// Torsional damping of the joint, b_C (16)
         #[unit = "N·m·s/rad"]
         pub damping: T,
-        /// Bend without load, of the outer segment against the inner; a straight boom has none
+        /// Angle of the outer segment to the inner one without moment, δ; zero for a straight boom
         #[unit = "rad"]
         pub rest: T,
     }
 }
 
-/// A boom of at most `N` segments.
+/// Flexible boom of at most `N` coordinates: rigid segments joined by torsional springs and dampers (section 3.2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Boom<T, const N: usize> {
     segments: [Segment<T>; N],
@@ -69,7 +70,7 @@ pub struct Boom<T, const N: usize> {
     count: usize,
     /// The base frame, where it is not rigid; the published model's is.
     base: Option<BaseFrame<T>>,
-    /// Where the cylinder holds it.
+    /// Positions of the cylinder's mount on the boom and of its foot on the base.
     pub mount: Mount<T>,
     /// Acceleration of gravity, downwards \[m/s²\].
     pub gravity: T,
@@ -85,7 +86,7 @@ pub struct BoomState<T, const N: usize> {
 }
 
 impl<T, const N: usize> Boom<T, N> {
-    /// Number of segments.
+    /// Number of segments, 1 to [`MAX_SEGMENTS`].
     #[inline(always)]
     pub fn len(&self) -> usize {
         if N <= EXACT { N } else { self.count.min(N) }
@@ -103,12 +104,12 @@ impl<T, const N: usize> Boom<T, N> {
         N > EXACT && coordinate == self.len()
     }
 
-    /// The base frame, if it is elastic.
+    /// The elastic base frame; `None` for a rigid base, as published.
     pub fn base(&self) -> Option<&BaseFrame<T>> {
         self.base.as_ref()
     }
 
-    /// The same boom on an elastic base frame.
+    /// Boom on an elastic base frame.
     ///
     /// # Errors
     ///
@@ -136,7 +137,7 @@ impl<T, const N: usize> Boom<T, N> {
         &self.joints[..self.len() - 1]
     }
 
-    /// The same boom in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Boom<U, N> {
         Boom {
             segments: self.segments.map(|segment| segment.map(&mut *f)),
@@ -171,7 +172,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Potential energy of gravity \[J\], zero with every centre of mass level with the bearing.
+    /// Gravitational potential energy \[J\], zero with every centre of mass level with the bearing.
     pub fn gravitational_energy(&self, pose: &Pose<T, N>) -> T {
         let mut energy = T::zero();
         let mut height = T::zero();
@@ -183,7 +184,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Energy stored in the bent joints and the base frame \[J\].
+    /// Elastic energy \[J\] of the joints' springs and of the base frame.
     pub fn elastic_energy(&self, state: &BoomState<T, N>) -> T {
         let mut energy = T::zero();
         for i in 0..self.len() - 1 {
@@ -197,7 +198,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Power lost in the dampers of joints and base frame \[W\].
+    /// Power dissipated by the dampers of joints and base frame \[W\].
     pub fn damping_loss(&self, state: &BoomState<T, N>) -> T {
         let mut power = T::zero();
         for i in 0..self.len() - 1 {
@@ -212,7 +213,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
 }
 
 impl<T: Real, const N: usize> BoomState<T, N> {
-    /// The state at rest with all angles zero.
+    /// State with all angles \[rad\] and angular velocities \[rad/s\] zero: a horizontal boom at rest.
     pub fn zero() -> Self {
         Self { angle: [T::zero(); N], angular_velocity: [T::zero(); N] }
     }

@@ -1,23 +1,23 @@
-//! The cylinder between base and boom (equations (28), (29), figure 12).
+//! Kinematics of the cylinder between base and boom (equations (28), (29), figure 12).
 
 use super::{Boom, Pose};
 use hydroboom_math::Real;
 
-/// Where the cylinder is fixed.
+/// Attachment of the cylinder: mount C on a boom segment, foot B on the base (figure 12).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount<T> {
-    /// Index of the segment that carries it, C.
+    /// Index of the segment that carries mount C, from 0 at the bearing.
     pub segment: usize,
-    /// Position in that segment's frame \[m\].
+    /// Position of mount C in that segment's frame, along and across it \[m\].
     pub on_segment: [T; 2],
-    /// Position of its foot on the base, B \[m\].
+    /// Position of foot B on the base, to the right of the bearing and above it \[m\].
     pub on_base: [T; 2],
-    /// Distance between both with the piston at its lower stop, L_cyl,min \[m\].
+    /// Distance from B to C with the piston at its lower stop, L_cyl,min \[m\].
     pub shortest: T,
 }
 
 impl<T> Mount<T> {
-    /// The same mount in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Mount<U> {
         Mount {
             segment: self.segment,
@@ -28,12 +28,12 @@ impl<T> Mount<T> {
     }
 }
 
-/// Where the piston stands, and how it follows the segments.
+/// Piston position and its derivatives by the boom's coordinates, equations (28), (29).
 #[derive(Clone, Copy, Debug)]
 pub struct CylinderPose<T, const N: usize> {
     /// Piston position from the lower stop, x_cyl \[m\].
     pub stroke: T,
-    /// Its change with each segment's angle \[m/rad\]: the moment arm of the cylinder's force.
+    /// Moment arm of the cylinder's force about each coordinate, ∂x_cyl/∂φ_i \[m/rad\] (29).
     pub arm: [T; N],
     /// The same times the cylinder's length \[m²/rad\].
     leverage: [T; N],
@@ -42,7 +42,7 @@ pub struct CylinderPose<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> CylinderPose<T, N> {
-    /// Piston velocity \[m/s\] at the given angular velocities \[rad/s\].
+    /// Piston velocity ẋ_cyl = Σ_i ∂x_cyl/∂φ_i φ̇_i \[m/s\], from angular velocities φ̇ \[rad/s\].
     #[inline(always)]
     pub fn velocity(&self, boom: &Boom<T, N>, angular_velocity: &[T; N]) -> T {
         let mut velocity = T::zero();
@@ -57,7 +57,7 @@ impl<T: Real, const N: usize> CylinderPose<T, N> {
 }
 
 impl<T: Real, const N: usize> Boom<T, N> {
-    /// Position of the cylinder's mount C on the boom \[m\].
+    /// Position of the cylinder's mount C on the boom \[m\], right of and above the bearing.
     pub fn mount_position(&self, pose: &Pose<T, N>) -> [T; 2] {
         let inner = match self.mount.segment {
             0 => [T::zero(); 2],

@@ -1,9 +1,9 @@
-//! Directions and positions of the segments.
+//! Kinematics of the boom: directions and positions of its segments.
 
 use super::{Boom, Segment};
 use hydroboom_math::Real;
 
-/// Sines and cosines of the segments' absolute angles, and of the base frame's.
+/// Sines and cosines of the absolute angles of segments and base frame, computed once for a state.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<T, const N: usize> {
     sin: [T; N],
@@ -31,7 +31,7 @@ impl<T: Real, const N: usize> Pose<T, N> {
 }
 
 impl<T: Real, const N: usize> Boom<T, N> {
-    /// The pose at the given absolute angles \[rad\].
+    /// Pose at the absolute angles φ \[rad\], counter-clockwise from the horizontal.
     #[inline(always)]
     pub fn pose(&self, angle: &[T; N]) -> Pose<T, N> {
         let mut pose = Pose { sin: [T::zero(); N], cos: [T::one(); N] };
@@ -54,7 +54,8 @@ impl<T: Real, const N: usize> Boom<T, N> {
         pose
     }
 
-    /// Position \[m\] of the outer end of segment `i`.
+    /// Position \[m\] of the outer end of segment `i`, right of and above the bearing; of the tip for an `i` beyond
+    /// the last.
     pub fn joint_position(&self, pose: &Pose<T, N>, i: usize) -> [T; 2] {
         let mut position = [T::zero(); 2];
         for k in 0..=i.min(self.len() - 1) {
@@ -64,7 +65,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         position
     }
 
-    /// Position \[m\] of the boom's tip.
+    /// Position \[m\] of the boom's tip, right of and above the bearing.
     pub fn tip_position(&self, pose: &Pose<T, N>) -> [T; 2] {
         self.joint_position(pose, self.len() - 1)
     }

@@ -1,5 +1,5 @@
-//! Circuits: how components, nodes and lines are connected. A new one is a file with parameters, a state,
-//! an input and an `impl` of [`Circuit`].
+//! Hydraulic circuits: connection of components, pressure nodes and lines. A new circuit is a file with parameters, a
+//! state, an input and an `impl` of [`Circuit`].
 
 mod self_contained;
 mod valve_controlled;
@@ -13,31 +13,31 @@ pub use valve_controlled::{
 use crate::hydraulics::{Cylinder, Oil};
 use hydroboom_math::Real;
 
-/// The most coordinates of a circuit that a step is solved for.
+/// Largest number of pressure-like (stiff) coordinates of a circuit, solved implicitly together.
 pub const STIFF: usize = 5;
-/// The most other coordinates of a circuit.
+/// Largest number of other (slow) coordinates of a circuit.
 pub const SLOW: usize = 1;
 
-/// The state of any circuit for the integration schemes; entries that a circuit does not need stay zero.
+/// State of any circuit as numbers for the integration schemes; coordinates that a circuit lacks are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates<T> {
-    /// Pressure coordinates \[Pa\], which orifices and oil make stiff, and what moves as fast: the implicit scheme solves
-    /// for them, with exact derivatives of each by each.
+    /// Stiff coordinates: node pressures \[Pa\], and states as fast as they, such as a spool's position. The implicit
+    /// scheme solves for them with the exact Jacobian.
     pub stiff: [T; STIFF],
-    /// All others, whose rates hardly depend on themselves.
+    /// Slow coordinates, whose rates hardly depend on themselves, such as the accumulator's gas volume \[m³\].
     pub slow: [T; SLOW],
 }
 
-/// Hydraulic circuit of the cylinder, over one number type.
+/// Hydraulic circuit that drives the cylinder, over one number type.
 pub trait Circuit<T: Real>: Copy + core::fmt::Debug {
-    /// Its state; also the rates of change of that.
+    /// State of the circuit (pressures, volumes, spool); also used for its rates of change, each per second.
     type State: Copy + core::fmt::Debug;
-    /// Its input, constant over a step.
+    /// Input from outside, such as pump speed or valve command, constant over a step.
     type Input: Copy + core::fmt::Debug;
-    /// The same circuit over another number type.
+    /// The circuit in another number type.
     type Over<U: Real>: Circuit<U>;
 
-    /// The oil in it.
+    /// Oil of the circuit.
     fn oil(&self) -> &Oil<T>;
 
     /// Gauge pressures \[Pa\] on the cylinder's piston side and rod side.
@@ -53,16 +53,16 @@ pub trait Circuit<T: Real>: Copy + core::fmt::Debug {
         velocity: T,
     ) -> Self::State;
 
-    /// A state, or rates, in coordinates.
+    /// Converts a state, or its rates, to coordinates.
     fn coordinates(state: &Self::State) -> Coordinates<T>;
 
-    /// A state, or rates, from coordinates.
+    /// Converts coordinates to a state, or to its rates.
     fn from_coordinates(coordinates: &Coordinates<T>) -> Self::State;
 
-    /// The same circuit over another number type.
+    /// Converts every parameter to another number type by `f`.
     fn over<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> Self::Over<U>;
 
-    /// An input over another number type.
+    /// Converts every input to another number type by `f`.
     fn input_over<U: Real>(
         input: &Self::Input,
         f: &mut impl FnMut(T) -> U,

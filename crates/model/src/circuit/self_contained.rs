@@ -1,5 +1,5 @@
-//! The self-contained electro-hydraulic cylinder: five pressure nodes and what connects them
-//! (section 3.1, appendix A.1, figures 3 and 6).
+//! Self-contained electro-hydraulic cylinder: circuit of five pressure nodes with pump, accumulator and load-holding
+//! valves (section 3.1, appendix A.1, figures 3 and 6).
 
 use super::{Circuit, Coordinates};
 use crate::crane::Input;
@@ -30,7 +30,7 @@ record! {
     }
 }
 
-/// State of the circuit.
+/// State of the self-contained circuit: pressures of its five nodes and the gas volume of its accumulator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CircuitState<T> {
     /// Pressure coordinates \[Pa\]: gauge pressures, or cavities below vapour pressure (see
@@ -43,10 +43,10 @@ pub struct CircuitState<T> {
 record! {
     /// The flows of figure 6.
     pub struct Flows<T> {
-        /// Pump, drawn from side B, Q_P
+        /// Pump flow drawn from side B, Q_P
         #[unit = "m³/s"]
         pub pump: T,
-        /// Pump, delivered to side A, k_flow Q_P
+        /// Pump flow delivered to side A, k_flow Q_P
         #[unit = "m³/s"]
         pub pump_delivery: T,
         /// Leakage through the pump from side A to side B, Q_int
@@ -82,15 +82,15 @@ record! {
     }
 }
 
-/// Parameters of the circuit. The numbers in brackets are those of the paper's figure 3.
+/// Parameters of the self-contained circuit. The numbers in brackets are those of the paper's figure 3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SelfContained<T> {
-    /// Oil in all nodes.
+    /// Oil in all nodes, before dissolved air is accounted for.
     pub oil: Oil<T>,
-    /// By how much dissolved air lowers the pressure at which the oil stiffens, node by node \[Pa\]; the
-    /// published model omits it. It is a slow input.
+    /// Reduction of the oil's transition pressure p_c1 by dissolved air, for each node \[Pa\]. `None` as published.
+    /// Changed from outside, slowly against the pressures.
     pub dissolved_air: Option<Nodes<T>>,
-    /// Axial piston machine (11).
+    /// Axial piston pump (11), driven in both directions.
     pub pump: Pump<T>,
     /// Accumulator (9).
     pub accumulator: Accumulator<T>,
@@ -100,8 +100,8 @@ pub struct SelfContained<T> {
     pub volume_pump_b: T,
     /// Leakage between the pump's sides, K_V,int \[m³/(s·√Pa)\].
     pub internal_leakage: T,
-    /// Leakage between the pump's sides beyond that, in proportion to pressure; the published model
-    /// has none.
+    /// Laminar leakage between the pump's sides, in addition to [`internal_leakage`](Self::internal_leakage); `None`
+    /// as published.
     pub slip: Option<Slip<T>>,
     /// Case drain of side A, K_V,extA \[m³/(s·√Pa)\].
     pub case_leakage_a: T,
@@ -122,12 +122,12 @@ pub struct SelfContained<T> {
     pub bleed_orifice: T,
     /// Relief valves (13) of both pump sides, where fitted; the published model has none.
     pub relief: Option<CheckValve<T>>,
-    /// The law all restrictions follow.
+    /// Flow law of all orifices and valves.
     pub orifice: Orifice<T>,
 }
 
 impl<T: Real> SelfContained<T> {
-    /// The oil of each node.
+    /// Oil of each node, with the node's dissolved air.
     #[inline(always)]
     pub fn oils(&self) -> Nodes<Oil<T>> {
         match self.dissolved_air {
@@ -136,17 +136,16 @@ impl<T: Real> SelfContained<T> {
         }
     }
 
-    /// Gauge pressures \[Pa\] of the nodes.
+    /// Gauge pressures \[Pa\] of the five nodes.
     #[inline(always)]
     pub fn pressures(&self, state: &CircuitState<T>) -> Nodes<T> {
         state.nodes.map(|q| self.oil.pressure(q))
     }
 
-    /// All flows at the given pressures \[Pa\].
+    /// Volume flows \[m³/s\] (figure 6) at gauge pressures `p` \[Pa\].
     ///
-    /// `speed` \[rev/s\] is the pump's, positive when it delivers to side A. `energised` is 1 with
-    /// the 3/2 valve on, 0 with it off: the higher cylinder pressure, or the accumulator, then
-    /// pilots the load-holding valves.
+    /// `speed` \[rev/s\] is the pump's, positive when it delivers to side A. `energised` is 1 with the 3/2 valve on,
+    /// 0 with it off: the higher cylinder pressure, or the accumulator, then pilots the load-holding valves.
     #[inline(always)]
     pub fn flows(&self, p: &Nodes<T>, speed: T, energised: T) -> Flows<T> {
         let pump = self.pump.flow(speed);
@@ -214,7 +213,7 @@ impl<T: Real> SelfContained<T> {
         }
     }
 
-    /// Net flow \[m³/s\] into each node, the piston's motion left out.
+    /// Net volume flow \[m³/s\] into each node, without the piston's displacement flow.
     #[inline(always)]
     pub fn net_flows(&self, q: &Flows<T>) -> Nodes<T> {
         Nodes {
@@ -242,7 +241,7 @@ impl<T: Real> SelfContained<T> {
         }
     }
 
-    /// Rates of change of the circuit's state, with the piston at `stroke` \[m\] moving at
+    /// Rates of node pressures \[Pa/s\] and gas volume \[m³/s\], with the piston at `stroke` \[m\] moving at
     /// `velocity` \[m/s\].
     #[inline(always)]
     pub fn rates(
@@ -287,7 +286,7 @@ impl<T: Real> SelfContained<T> {
 }
 
 impl<T> SelfContained<T> {
-    /// The same circuit in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> SelfContained<U> {
         SelfContained {
             oil: self.oil.map(&mut *f),
@@ -313,7 +312,7 @@ impl<T> SelfContained<T> {
 }
 
 impl<T> CircuitState<T> {
-    /// The same state in another number type.
+    /// Converts every state to another number type by `f`.
     #[inline(always)]
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> CircuitState<U> {
         CircuitState { nodes: self.nodes.map(&mut f), gas_volume: f(self.gas_volume) }

@@ -1,14 +1,14 @@
-//! A cylinder behind a 4/3 proportional valve on a supply of given pressure: mobile cranes with load-sensing or
-//! constant-pressure hydraulics (equations ours; the published crane has none).
+//! Valve-controlled cylinder: a 4/3 proportional valve on a supply of given pressure, as in mobile cranes with
+//! load-sensing or constant-pressure hydraulics (equations ours; the published crane has none).
 
 use super::{Circuit, Coordinates};
 use crate::hydraulics::{Cylinder, Oil, Orifice};
 use hydroboom_math::{Real, record};
 
 record! {
-    /// Input of a valve-controlled circuit, constant over a step.
+    /// Inputs of a valve-controlled circuit, constant over a step.
     pub struct ValveInput<T> {
-        /// Command of the valve
+        /// Command voltage of the valve
         #[unit = "V"]
         pub command: T,
         /// Gauge pressure of the supply, p_P
@@ -21,7 +21,7 @@ record! {
 }
 
 record! {
-    /// State of a valve-controlled circuit.
+    /// State of a valve-controlled circuit: chamber pressures and spool.
     pub struct ValveCircuitState<T> {
         /// Pressure coordinate of the piston side and its hose (see [`Oil`])
         #[unit = "Pa"]
@@ -32,28 +32,28 @@ record! {
         /// Position of the spool as a share of its travel, positive to lift, y
         #[unit = "1"]
         pub spool: T,
-        /// Its velocity
+        /// Velocity of the spool as a share of its travel, y'
         #[unit = "1/s"]
         pub spool_velocity: T,
     }
 }
 
 record! {
-    /// The flows of the valve.
+    /// Volume flows of a valve-controlled circuit.
     pub struct ValveFlows<T> {
-        /// From the supply to the piston side
+        /// Flow from the supply to the piston side
         #[unit = "m³/s"]
         pub supply_to_a: T,
-        /// From the supply to the rod side
+        /// Flow from the supply to the rod side
         #[unit = "m³/s"]
         pub supply_to_b: T,
-        /// From the piston side to the tank
+        /// Flow from the piston side to the tank
         #[unit = "m³/s"]
         pub a_to_tank: T,
-        /// From the rod side to the tank
+        /// Flow from the rod side to the tank
         #[unit = "m³/s"]
         pub b_to_tank: T,
-        /// Past the piston or the spool, from the piston side to the rod side
+        /// Leakage past piston or spool, from the piston side to the rod side
         #[unit = "m³/s"]
         pub leakage: T,
     }
@@ -65,17 +65,18 @@ record! {
     /// It opens in proportion to the spool's travel beyond its overlap, `o = max(0, (|y| − δ)/(1 − δ))`, and
     /// passes `Q = K_V o r(Δp)` (4).
     pub struct ValveEdge<T> {
-        /// Flow coefficient, fully open, K_V
+        /// Flow coefficient of the fully open edge, K_V
         #[unit = "m³/(s·√Pa)"]
         pub coefficient: T,
-        /// Overlap as a share of the travel, δ
+        /// Overlap (dead band) as a share of the spool's travel, δ
         #[unit = "1"]
         pub dead_band: T,
     }
 }
 
 impl<T: Real> ValveEdge<T> {
-    /// Flow coefficient \[m³/(s·√Pa)\] with the spool `travel` (a share) to this edge's side.
+    /// Flow coefficient \[m³/(s·√Pa)\] at a spool position `travel` \[1\], a share of full travel, positive towards
+    /// this edge.
     #[inline(always)]
     pub fn coefficient(&self, travel: T) -> T {
         let open = (travel - self.dead_band).max(T::zero()) / (T::one() - self.dead_band);
@@ -90,16 +91,16 @@ record! {
     /// y'' = ω² (y_c − y) − 2 ζ ω y',   y_c = (U − U_0)/(U_1 − U_0)
     /// ```
     pub struct SpoolValve<T> {
-        /// Command of the middle position, U_0
+        /// Command voltage of the centre position, U_0
         #[unit = "V"]
         pub neutral: T,
-        /// Command of full travel to lift, U_1
+        /// Command voltage of full travel in the lifting direction, U_1
         #[unit = "V"]
         pub full: T,
         /// Undamped angular frequency of the spool, ω
         #[unit = "rad/s"]
         pub bandwidth: T,
-        /// Its damping ratio, ζ
+        /// Damping ratio of the spool, ζ
         #[unit = "1"]
         pub damping: T,
         /// Largest pressure drop that the pressure compensator leaves on an edge from the supply
@@ -109,7 +110,7 @@ record! {
 }
 
 impl<T: Real> SpoolValve<T> {
-    /// Travel that a command \[V\] asks for, −1 to 1.
+    /// Steady-state spool position y_c \[1\] for a command \[V\], limited to −1..1.
     #[inline(always)]
     pub fn travel(&self, command: T) -> T {
         let share = (command - self.neutral) / (self.full - self.neutral);
@@ -121,10 +122,10 @@ record! {
     /// A hose between valve and cylinder. It belongs to its chamber's node. For hoses of a few metres the
     /// pressure drop along it is below a tenth of a bar, and its natural frequencies are above 100 Hz.
     pub struct Hose<T> {
-        /// Oil in it
+        /// Oil volume in the hose
         #[unit = "m³"]
         pub volume: T,
-        /// Bulk modulus of its wall: its volume's relative growth per pressure is the reciprocal
+        /// Bulk modulus of the hose's wall: pressure per relative growth of its volume
         #[unit = "Pa"]
         pub wall_modulus: T,
     }
@@ -137,13 +138,13 @@ record! {
     /// V_air = V_0 (p_0/(p + p_0))^(1/n)
     /// ```
     pub struct TrappedAir<T> {
-        /// Its volume at atmospheric pressure on the piston side, V_0
+        /// Volume of the air on the piston side at atmospheric pressure, V_0
         #[unit = "m³"]
         pub piston_side: T,
-        /// The same on the rod side
+        /// Volume of the air on the rod side at atmospheric pressure, V_0
         #[unit = "m³"]
         pub rod_side: T,
-        /// Polytropic exponent, n
+        /// Polytropic exponent of the air, n
         #[unit = "1"]
         pub polytropic_exponent: T,
         /// Atmospheric pressure, absolute, p_0
@@ -153,8 +154,8 @@ record! {
 }
 
 impl<T: Real> TrappedAir<T> {
-    /// Volume \[m³\] at a gauge pressure \[Pa\] of a volume of air at atmospheric pressure \[m³\], and its
-    /// decrease per pascal \[m³/Pa\].
+    /// Volume \[m³\] at a gauge pressure \[Pa\] of air with the volume `amount` \[m³\] at atmospheric pressure, and
+    /// its compliance \[m³/Pa\].
     #[inline(always)]
     fn volume(&self, amount: T, pressure: T) -> (T, T) {
         let absolute = pressure + self.atmosphere;
@@ -180,31 +181,31 @@ struct Chamber<'a, T> {
 pub struct ValveControlled<T> {
     /// Oil in all nodes.
     pub oil: Oil<T>,
-    /// The valve's spool.
+    /// Spool dynamics and command range of the proportional valve.
     pub valve: SpoolValve<T>,
-    /// Edge from the supply to the piston side.
+    /// Metering edge from supply P to the piston side A.
     pub supply_to_a: ValveEdge<T>,
-    /// Edge from the supply to the rod side.
+    /// Metering edge from supply P to the rod side B.
     pub supply_to_b: ValveEdge<T>,
-    /// Edge from the piston side to the tank.
+    /// Metering edge from the piston side A to tank T.
     pub a_to_tank: ValveEdge<T>,
-    /// Edge from the rod side to the tank.
+    /// Metering edge from the rod side B to tank T.
     pub b_to_tank: ValveEdge<T>,
-    /// Leakage from the piston side to the rod side in proportion to their pressures' difference
-    /// \[m³/(s·Pa)\].
+    /// Laminar leakage coefficient from the piston side to the rod side \[m³/(s·Pa)\].
     pub leakage: T,
-    /// Hose of the piston side.
+    /// Hose between valve and piston side.
     pub hose_a: Hose<T>,
-    /// Hose of the rod side.
+    /// Hose between valve and rod side.
     pub hose_b: Hose<T>,
-    /// Air shut in with the oil.
+    /// Undissolved air in both chambers.
     pub air: TrappedAir<T>,
-    /// The law all restrictions follow.
+    /// Flow law of all metering edges.
     pub orifice: Orifice<T>,
 }
 
 impl<T: Real> ValveControlled<T> {
-    /// All flows at the chambers' pressures \[Pa\] with the spool at `spool`, a share of its travel.
+    /// Volume flows \[m³/s\] at gauge pressures `a` and `b` of the chambers \[Pa\], with the spool at `spool` \[1\],
+    /// a share of its travel.
     #[inline(always)]
     pub fn flows(&self, a: T, b: T, spool: T, input: &ValveInput<T>) -> ValveFlows<T> {
         // a compensator lets no edge from the supply have more than its drop, and none backwards
@@ -325,7 +326,7 @@ impl<T: Real> Circuit<T> for ValveControlled<T> {
 }
 
 impl<T> ValveControlled<T> {
-    /// The same circuit in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> ValveControlled<U> {
         ValveControlled {
             oil: self.oil.map(&mut *f),

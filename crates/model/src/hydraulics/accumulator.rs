@@ -1,4 +1,4 @@
-//! The bladder accumulator that closes the circuit.
+//! Bladder accumulator with polytropic gas (appendix A.2.2).
 
 use hydroboom_math::{Real, record};
 
@@ -16,10 +16,10 @@ record! {
         /// Volume of the shell, V_a
         #[unit = "m³"]
         pub volume: T,
-        /// Oil that stays when the bladder rests on its valve
+        /// Oil volume that remains when the bladder rests on its valve
         #[unit = "m³"]
         pub residual_volume: T,
-        /// Polytropic exponent of the gas, γ: 1.0 slow, 1.4 fast
+        /// Polytropic exponent of the gas, γ: 1.0 isothermal (slow), 1.4 adiabatic (fast)
         #[unit = "1"]
         pub polytropic_exponent: T,
         /// Atmospheric pressure, absolute, p_atm
@@ -32,7 +32,7 @@ record! {
 }
 
 impl<T: Real> Accumulator<T> {
-    /// An accumulator filled to a working pressure, and its gas volume \[m³\] there.
+    /// Accumulator filled to a working pressure, and its gas volume \[m³\] there.
     ///
     /// `precharge` and `filled` are gauge pressures \[Pa\]. Filling is slow, so the gas volume
     /// follows the isothermal law V_g = V_a (p_0 + p_atm)/(p_acc + p_atm) (A16); what comes after

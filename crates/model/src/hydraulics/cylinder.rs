@@ -1,9 +1,9 @@
-//! The differential cylinder and its end stops.
+//! Differential cylinder and its end stops.
 
 use hydroboom_math::{Real, record};
 
 record! {
-    /// A differential cylinder: chamber A on the piston side, chamber B on the rod side.
+    /// Differential cylinder: chamber A on the piston side, chamber B on the rod side.
     pub struct Cylinder<T> {
         /// Piston area, A_p
         #[unit = "m²"]
@@ -24,7 +24,7 @@ record! {
 }
 
 impl<T: Real> Cylinder<T> {
-    /// Areas from the diameters \[m\] of piston and rod, the rest as given.
+    /// Cylinder from the diameters of piston and rod \[m\], stroke \[m\] and dead volumes \[m³\].
     pub fn from_diameters(
         piston: T,
         rod: T,
@@ -83,10 +83,10 @@ record! {
     ///
     /// The force is continuous at contact; `k s²/2` is its stored energy, the rest is lost.
     pub struct EndStops<T> {
-        /// Stiffness, k
+        /// Stiffness of an end stop, k
         #[unit = "N/m"]
         pub stiffness: T,
-        /// Damping relative to the spring's force, d
+        /// Damping of an end stop relative to its spring force, d
         #[unit = "s/m"]
         pub damping: T,
     }
@@ -109,13 +109,13 @@ impl<T: Real> EndStops<T> {
         push(lower, -velocity) - push(upper, velocity)
     }
 
-    /// Energy \[J\] stored in the stops.
+    /// Elastic energy \[J\] of the stops at a piston position \[m\].
     pub fn energy(&self, stroke: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
         T::lit(0.5) * self.stiffness * (lower.square() + upper.square())
     }
 
-    /// Force \[N\] of the springs alone, positive outwards: minus the slope of the energy.
+    /// Elastic force \[N\] of the stops at a piston position \[m\], positive outwards, without damping.
     pub fn spring_force(&self, stroke: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
         self.stiffness * (lower - upper)

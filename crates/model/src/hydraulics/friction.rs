@@ -1,29 +1,29 @@
-//! Friction between piston, rod and seals. A new law is a record with `evaluate`, and a line in
-//! [`Friction`].
+//! Friction between piston, rod and seals: Stribeck and LuGre laws. A new law is a record with `evaluate`, and a line
+//! in [`Friction`].
 
 use hydroboom_math::{Real, record};
 
-/// What every law yields for a piston velocity \[m/s\] and a bristle deflection \[m\].
+/// Friction law: force as a function of piston velocity \[m/s\] and bristle deflection \[m\].
 pub trait FrictionLaw<T: Real> {
     /// Force \[N\] that opposes the velocity, and the rate \[m/s\] of the bristle deflection (zero
     /// for laws without memory).
     fn evaluate(&self, velocity: T, bristle: T) -> (T, T);
 
-    /// Energy \[J\] stored in the bristles.
+    /// Elastic energy \[J\] stored in the bristles at a deflection \[m\].
     fn energy(&self, bristle: T) -> T;
 
     /// Power \[W\] that goes into the bristles when they deflect at `rate` \[m/s\].
     fn stored_power(&self, bristle: T, rate: T) -> T;
 
-    /// Force \[N\] that rests on the contact, at most `force`, and the bristle deflection \[m\] that holds it: nothing
+    /// Friction force \[N\] at rest, at most `force`, and the bristle deflection \[m\] with that force. Both are zero
     /// for laws without memory.
     fn at_rest(&self, force: T) -> (T, T);
 
-    /// Largest stiffness \[N/m\] and damping \[N·s/m\] of the contact, met near rest.
+    /// Largest stiffness \[N/m\] and damping \[N·s/m\] of the contact, which occur near rest.
     fn steepest(&self) -> (T, T);
 
-    /// Rate \[1/s\] at which the bristle deflection settles while the piston slides at a velocity \[m/s\]: zero for laws without
-    /// memory.
+    /// Rate \[1/s\] at which the bristle deflection settles while the piston slides at a velocity \[m/s\]; zero
+    /// for laws without memory.
     fn bristle_rate(&self, velocity: T) -> T;
 }
 
@@ -36,13 +36,13 @@ record! {
     ///
     /// Source: doi:10.3390/act14020080, section 3.1.3.
     pub struct Stribeck<T> {
-        /// Viscous coefficient, F_v
+        /// Viscous friction coefficient, F_v
         #[unit = "N·s/m"]
         pub viscous: T,
-        /// Coulomb force, F_C
+        /// Coulomb friction force, F_C
         #[unit = "N"]
         pub coulomb: T,
-        /// Static force above the Coulomb force, F_S
+        /// Static friction force in excess of the Coulomb force, F_S
         #[unit = "N"]
         pub stiction: T,
         /// Reciprocal of the speed over which the static share fades, 1/v_S (the paper's k_S)
@@ -97,13 +97,13 @@ record! {
     /// Not zero at rest: the bristles keep the force they were left with.
     /// Source: Canudas de Wit et al. 1995, doi:10.1109/9.376053.
     pub struct LuGre<T> {
-        /// Viscous coefficient, F_v
+        /// Viscous friction coefficient, F_v
         #[unit = "N·s/m"]
         pub viscous: T,
-        /// Coulomb force, F_C
+        /// Coulomb friction force, F_C
         #[unit = "N"]
         pub coulomb: T,
-        /// Static force above the Coulomb force, F_S
+        /// Static friction force in excess of the Coulomb force, F_S
         #[unit = "N"]
         pub stiction: T,
         /// Reciprocal of the speed over which the static share fades, 1/v_S
@@ -158,12 +158,12 @@ impl<T: Real> FrictionLaw<T> for LuGre<T> {
     }
 }
 
-/// The friction laws a crane file can choose from.
+/// Friction law of a crane, as chosen by `friction.law`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Friction<T> {
-    /// The published law.
+    /// Stribeck law (10), as published; zero at rest.
     Stribeck(Stribeck<T>),
-    /// With friction at rest.
+    /// LuGre law, with static friction at rest.
     LuGre(LuGre<T>),
 }
 
@@ -213,7 +213,7 @@ impl<T: Real> FrictionLaw<T> for Friction<T> {
 }
 
 impl<T> Friction<T> {
-    /// The same law in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Friction<U> {
         match self {
             Self::Stribeck(law) => Friction::Stribeck(law.map(f)),

@@ -1,4 +1,4 @@
-//! The hydraulic components, one a file.
+//! Hydraulic components, one a file.
 
 mod accumulator;
 mod cylinder;

@@ -1,4 +1,4 @@
-//! Oil: stiffness, density, stored energy, and cavitation below vapour pressure.
+//! Hydraulic oil: pressure-dependent bulk modulus, density, stored energy, and cavitation.
 
 use hydroboom_math::{Real, record};
 
@@ -24,7 +24,7 @@ record! {
         /// Bulk modulus near vacuum, β_min
         #[unit = "Pa"]
         pub bulk_modulus_min: T,
-        /// Pressure at the middle of the transition, p_c1
+        /// Gauge pressure at the middle of the transition, p_c1
         #[unit = "Pa"]
         pub transition_pressure: T,
         /// Reciprocal of the transition's width, 1/p_c2
@@ -47,8 +47,7 @@ impl<T: Real> Oil<T> {
         z.tanh().mul_add(half_range, middle)
     }
 
-    /// The same oil with some of its air dissolved: it stiffens at a pressure lower by `shift`
-    /// \[Pa\].
+    /// Oil with air dissolved: its transition pressure p_c1 is lower by `shift` \[Pa\].
     #[inline(always)]
     pub fn with_dissolved_air(self, shift: T) -> Self {
         Self { transition_pressure: self.transition_pressure - shift, ..self }
@@ -67,21 +66,25 @@ impl<T: Real> Oil<T> {
         self.bulk_modulus(self.pressure(coordinate)) * inflow * per_volume
     }
 
-    /// The same of a node that grows by `growth` \[m³/s\]. While it cavitates, the coordinate
-    /// measures the cavity relative to the volume, so a growing volume rescales it.
+    /// Rate \[Pa/s\] of the pressure coordinate of a node whose volume grows by `growth` \[m³/s\]; other arguments as
+    /// for [`pressure_rate`](Self::pressure_rate).
+    ///
+    /// While the node cavitates, the coordinate measures the cavity relative to the volume, so a growing volume
+    /// rescales it.
     #[inline(always)]
     pub fn growing_pressure_rate(&self, coordinate: T, per_volume: T, inflow: T, growth: T) -> T {
         let p = self.pressure(coordinate);
         self.bulk_modulus(p).mul_add(inflow - growth, (p - coordinate) * growth) * per_volume
     }
 
-    /// Volume \[m³\] of the cavity in a node of the given volume, zero above vapour pressure.
+    /// Cavity volume \[m³\] in a node of a volume \[m³\], at a pressure coordinate \[Pa\]; zero above vapour
+    /// pressure.
     pub fn cavity_volume(&self, coordinate: T, volume: T) -> T {
         let p = self.pressure(coordinate);
         volume * (p - coordinate) / self.bulk_modulus(p)
     }
 
-    /// Whether the node has no pressure left but a cavity.
+    /// Whether a node with the pressure coordinate \[Pa\] cavitates: its pressure is the vapour pressure.
     pub fn is_cavitating(&self, coordinate: T) -> T::Mask {
         coordinate.lt(self.vapour_pressure)
     }

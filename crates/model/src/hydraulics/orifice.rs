@@ -1,4 +1,4 @@
-//! Restrictions: the orifice equation and restrictions in series.
+//! Orifice equation with a laminar core, and orifices in series.
 
 use hydroboom_math::Real;
 
@@ -22,13 +22,13 @@ pub struct Orifice<T> {
 }
 
 impl<T: Real> Orifice<T> {
-    /// The law with the given pressure drop \[Pa\] at the edge of the laminar core, Δp_lam.
+    /// Orifice law with the pressure drop Δp_lam \[Pa\] at which laminar flow becomes turbulent, positive.
     pub fn new(laminar_drop: T) -> Self {
         Self { laminar_drop, inverse: T::one() / laminar_drop }
     }
 
-    /// r(Δp) \[√Pa\]: times a flow coefficient \[m³/(s·√Pa)\] the flow that the pressure drop
-    /// \[Pa\] drives, both positive from inlet to outlet.
+    /// Signed root r(Δp) \[√Pa\] of a pressure drop \[Pa\]; a flow coefficient \[m³/(s·√Pa)\] times r is the flow
+    /// \[m³/s\].
     #[inline(always)]
     pub fn root(&self, drop: T) -> T {
         let x = (drop * self.inverse).clamp(-T::one(), T::one());
@@ -38,7 +38,7 @@ impl<T: Real> Orifice<T> {
 }
 
 impl<T> Orifice<T> {
-    /// The same law in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Orifice<U> {
         Orifice { laminar_drop: f(self.laminar_drop), inverse: f(self.inverse) }
     }
@@ -47,14 +47,13 @@ impl<T> Orifice<T> {
 /// Far below the square of any real flow coefficient: only there so that 0/0 is 0.
 const TINY: f64 = 1e-30;
 
-/// Flow coefficient of two restrictions in series, 1/√(1/K_1² + 1/K_2²) (A6), zero where either is
-/// shut.
+/// Flow coefficient \[m³/(s·√Pa)\] of two orifices in series, 1/√(1/K_1² + 1/K_2²) (A6); zero if either is closed.
 #[inline(always)]
 pub fn in_series<T: Real>(first: T, second: T) -> T {
     first * second / (first.square() + second.square() + T::lit(TINY)).sqrt()
 }
 
-/// The same of three restrictions, the first of which is never shut.
+/// Flow coefficient \[m³/(s·√Pa)\] of three orifices in series, as [`in_series`]; the first must not be closed.
 #[inline(always)]
 pub fn three_in_series<T: Real>(first: T, second: T, third: T) -> T {
     // numerator and denominator divided by the first, to stay clear of underflow; the reciprocal of

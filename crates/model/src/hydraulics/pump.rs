@@ -1,14 +1,14 @@
-//! The axial piston machine.
+//! Axial piston pump with fixed displacement, and its leakage.
 
 use super::Oil;
 use hydroboom_math::{Real, record};
 
-/// How much of the displaced volume arrives on side A, where the oil is compressed.
+/// Flow gain k_flow of the pump: volume delivered to side A, where the oil is compressed, per displaced volume.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Delivery<T> {
     /// As published: the constant k_flow, in both directions of flow.
     Published(
-        /// k_flow, 0.91 (section 3.1.2).
+        /// k_flow \[1\], 0.91 (section 3.1.2).
         T,
     ),
     /// From the pressures at every step: k_flow = exp(−∫dp/β) from p_PB to p_PA, the volume that
@@ -27,10 +27,10 @@ record! {
     /// Equation: the usual one for axial piston machines (Wilson's model, with a share that grows
     /// with speed).
     pub struct Slip<T> {
-        /// At rest, c_0
+        /// Leakage coefficient at rest, c_0
         #[unit = "m³/(s·Pa)"]
         pub at_rest: T,
-        /// For each revolution per second, c_n
+        /// Increase of the leakage coefficient per speed, c_n
         #[unit = "m³/(rev·Pa)"]
         pub per_speed: T,
     }
@@ -44,12 +44,12 @@ impl<T: Real> Slip<T> {
     }
 }
 
-/// A fixed-displacement pump, driven in both directions.
+/// Fixed-displacement axial piston pump, driven in both directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pump<T> {
     /// Displacement per revolution, K_VP \[m³/rev\].
     pub displacement: T,
-    /// Delivery of the displaced volume to side A.
+    /// Flow gain k_flow from side B to side A.
     pub delivery: Delivery<T>,
 }
 
@@ -60,8 +60,8 @@ impl<T: Real> Pump<T> {
         speed * self.displacement
     }
 
-    /// k_flow: the volume arriving on side A for each that leaves side B, at the gauge pressures
-    /// \[Pa\] of both sides.
+    /// Flow gain k_flow \[1\]: volume delivered to side A per volume drawn from side B, at the gauge pressures \[Pa\]
+    /// of both sides.
     #[inline(always)]
     pub fn flow_gain(&self, oil: &Oil<T>, pressure_a: T, pressure_b: T) -> T {
         match self.delivery {
@@ -72,7 +72,7 @@ impl<T: Real> Pump<T> {
 }
 
 impl<T> Pump<T> {
-    /// The same pump in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Pump<U> {
         Pump {
             displacement: f(self.displacement),

@@ -15,20 +15,20 @@ record! {
         /// Pressure drop at which it begins to open, p_cr
         #[unit = "Pa"]
         pub cracking_pressure: T,
-        /// Opening gained with each Pascal beyond, 1/(p_o − p_cr)
+        /// Opening (share of full opening) per pressure beyond cracking, 1/(p_o − p_cr)
         #[unit = "1/Pa"]
         pub opening_slope: T,
     }
 }
 
 impl<T: Real> CheckValve<T> {
-    /// A valve that cracks and is fully open at the given pressure drops \[Pa\], p_cr < p_o.
+    /// Valve from its pressure drops of cracking and full opening \[Pa\], p_cr < p_o.
     pub fn new(flow_coefficient: T, cracking_pressure: T, opening_pressure: T) -> Self {
         let opening_slope = T::one() / (opening_pressure - cracking_pressure);
         Self { flow_coefficient, cracking_pressure, opening_slope }
     }
 
-    /// Flow coefficient \[m³/(s·√Pa)\] under the pressure \[Pa\] that acts to open it.
+    /// Flow coefficient \[m³/(s·√Pa)\], 0 to K_V,max, at a pressure \[Pa\] in opening direction.
     #[inline(always)]
     pub fn coefficient(&self, pressure: T) -> T {
         let opening = (pressure - self.cracking_pressure) * self.opening_slope;
@@ -36,22 +36,22 @@ impl<T: Real> CheckValve<T> {
     }
 }
 
-/// A check valve that a pilot pressure can hold open against its load.
+/// Pilot-operated check valve: a pilot pressure can hold it open against its load.
 ///
-/// Flow is free from port 1 to port 2. The pilot's piston adds `r (p_pilot − p_1)` to the pressure
-/// that opens the poppet. It pushes and cannot pull, so it never *closes* the valve: without pilot
-/// pressure this is a plain check valve. (Left signed, the term would shut the free direction
-/// whenever port 1 stands above the pilot line, and nothing could be lifted.)
+/// Flow is free from port 1 to port 2. The pilot's piston adds `r (p_pilot − p_1)` to the pressure that opens the
+/// poppet. It pushes and cannot pull, so it never *closes* the valve: without pilot pressure this is a plain check
+/// valve. (Left signed, the term would shut the free direction whenever port 1 stands above the pilot line, and
+/// nothing could be lifted.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PilotCheckValve<T> {
-    /// The valve without its pilot.
+    /// Poppet and seat as a plain check valve.
     pub check: CheckValve<T>,
-    /// Area of the pilot's piston over that of the poppet's seat, r.
+    /// Pilot ratio r \[1\]: area of the pilot's piston over that of the poppet's seat.
     pub pilot_ratio: T,
 }
 
 impl<T: Real> PilotCheckValve<T> {
-    /// Flow coefficient \[m³/(s·√Pa)\] at the pressures \[Pa\] of both ports and the pilot line.
+    /// Flow coefficient \[m³/(s·√Pa)\] at the gauge pressures \[Pa\] of both ports and of the pilot line.
     #[inline(always)]
     pub fn coefficient(&self, port_1: T, port_2: T, pilot: T) -> T {
         let push = self.pilot_ratio * (pilot - port_1).max(T::zero());
@@ -60,7 +60,7 @@ impl<T: Real> PilotCheckValve<T> {
 }
 
 impl<T> PilotCheckValve<T> {
-    /// The same valve in another number type.
+    /// Converts every parameter to another number type by `f`.
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> PilotCheckValve<U> {
         PilotCheckValve { check: self.check.map(&mut *f), pilot_ratio: f(self.pilot_ratio) }
     }

@@ -1,4 +1,4 @@
-//! An implicit step: second order, no step limit from stiffness, fixed cost.
+//! Diagonally implicit Runge-Kutta step: second order, no step limit from stiffness, fixed cost.
 //!
 //! The scheme is the two-stage diagonally implicit Runge-Kutta method of Alexander (1977,
 //! doi:10.1137/0714068), L-stable and stiffly accurate (its last stage is the new state):
@@ -44,7 +44,7 @@ const SETTLED: f64 = 1.0;
 /// 0.01 bar. It happens where steps are far too long for an event, such as an end stop struck at full
 /// speed. Over a motion at 0.5 ms the largest change is 10 Pa, the usual one 1e-9 Pa.
 const UNSETTLED: f64 = 1e3;
-/// Parts that a step which does not settle is divided into at most.
+/// Largest number of parts that a step is divided into when Newton's method does not converge.
 pub const MOST_PARTS: u32 = 256;
 
 /// Unknowns of the reduced system, which are also the directions of differentiation: five nodes,
@@ -58,7 +58,7 @@ type D<T> = Dual<T, UNKNOWNS>;
 /// The circuit in dual numbers.
 type Over<T, C> = <C as Circuit<T>>::Over<D<T>>;
 
-/// The step, with the crane's stiff parts in dual numbers.
+/// Implicit step of second order (Alexander 1977), prepared for one crane.
 #[derive(Clone, Copy, Debug)]
 pub struct Implicit<T: Real, C: Circuit<T> = SelfContained<T>> {
     circuit: Over<T, C>,
@@ -113,7 +113,7 @@ impl<T: Real> Stiff<T> {
 }
 
 impl<T: Real, C: Circuit<T>> Implicit<T, C> {
-    /// Prepares steps of the given crane; to be used with that crane only.
+    /// Prepares implicit steps of the given crane; to be used with that crane only.
     pub fn new<const N: usize>(crane: &Crane<T, N, C>) -> Self {
         let constant = &mut D::constant;
         Self {
@@ -124,8 +124,8 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         }
     }
 
-    /// One step of `step` \[s\]. Returns how well it was solved: the largest pressure \[Pa\] that
-    /// the last iteration of a stage still changed.
+    /// One step of `step` \[s\]. Returns the largest change of a pressure \[Pa\] in the last Newton iteration of
+    /// either stage; see [`has_settled`].
     #[inline(always)]
     pub fn step<const N: usize>(
         &self,
@@ -137,7 +137,7 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         self.stages(crane, state, input, step).0
     }
 
-    /// The same, with the first of its two stages; the second is the new state.
+    /// As [`step`](Self::step), and returns the state of the first stage too; the second stage is the new state.
     #[inline(always)]
     pub fn stages<const N: usize>(
         &self,
@@ -358,14 +358,14 @@ fn chosen<T: Real, const N: usize, C: Circuit<T>>(
     state
 }
 
-/// Whether an implicit step that returned `left` \[Pa\] has settled.
+/// Whether Newton's method has converged in an implicit step that returned `left` \[Pa\]: at most 1000 Pa.
 pub fn has_settled(left: f64) -> bool {
     left <= UNSETTLED
 }
 
 impl<C: Circuit<f64>> Implicit<f64, C> {
-    /// The state after one step, taken in as many parts as it needs to settle; none where it does
-    /// not in [`MOST_PARTS`] either.
+    /// State after one step of `step` \[s\], divided into as many parts as convergence needs; `None` if it does not
+    /// converge in [`MOST_PARTS`] parts.
     pub fn settled<const N: usize>(
         &self,
         crane: &Crane<f64, N, C>,

@@ -1,20 +1,20 @@
-//! How large a step the published scheme can take.
+//! Stability limit of the step of the published scheme.
 
 use crate::crane::{Crane, CraneState};
 use crate::hydraulics::{Friction, FrictionLaw};
 use core::fmt;
 use hydroboom_math::Real;
 
-/// Limits of a step of the published scheme.
+/// Effect that limits the step of an explicit scheme.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepBound {
-    /// The fastest bending mode.
+    /// Fastest bending mode of the boom on the oil's spring.
     Bending,
-    /// Friction at rest.
+    /// Steepest damping of the friction law, at rest.
     Friction,
-    /// The bristles of friction while the piston slides.
+    /// Settling of the LuGre bristles while the piston slides.
     Bristle,
-    /// Pressure chatter.
+    /// Pressure chatter across an open load-holding valve.
     Chatter,
 }
 
@@ -29,43 +29,44 @@ impl fmt::Display for StepBound {
     }
 }
 
-/// The largest steps \[s\] at which the published scheme neither diverges nor chatters.
+/// Largest steps \[s\] at which the published scheme neither diverges nor chatters, by effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepLimit {
-    /// From the fastest bending mode: √2/ω, where the sequential update loses stability.
+    /// From the fastest bending mode of angular frequency ω \[s\]: √2/ω, where the sequential update loses stability.
     pub bending: f64,
-    /// From friction at rest, the steepest damper.
+    /// From the steepest damping of the friction law, at rest \[s\].
     pub friction: f64,
-    /// From the bristles of friction that slide at the piston's velocity; infinite at rest, and for a law without memory.
+    /// From the settling of the LuGre bristles at the piston's velocity \[s\]; infinite at rest, and for a law
+    /// without memory.
     pub bristle: f64,
-    /// From the flow between pump and cylinder when it is near zero: above this step the pressure
-    /// across an open load-holding valve chatters by more than [`CHATTER`](StepLimit::CHATTER).
+    /// From pressure chatter \[s\]: above this step the pressure across an open load-holding valve, with little flow,
+    /// chatters by more than [`CHATTER`](StepLimit::CHATTER).
     pub chatter: f64,
 }
 
 impl StepLimit {
-    /// Amplitude of pressure chatter that is tolerated \[Pa\]: 0.1 bar.
+    /// Tolerated amplitude of pressure chatter \[Pa\]: 0.1 bar. Estimate.
     pub const CHATTER: f64 = 0.1e5;
 
-    /// The largest step \[s\] of forward Euler on the bristles of friction that slide at a piston velocity \[m/s\]. From
-    /// `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken.
+    /// The largest step \[s\] of forward Euler on the bristles of friction that slide at a piston velocity \[m/s\].
+    /// From `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken.
     pub fn of_bristles(friction: &Friction<f64>, velocity: f64) -> f64 {
         1.4 / friction.bristle_rate(velocity)
     }
 
-    /// The smallest of the limits \[s\].
+    /// Smallest of the four limits \[s\].
     pub fn smallest(&self) -> f64 {
         self.bending.min(self.friction).min(self.bristle).min(self.chatter)
     }
 
-    /// The smallest beyond which the scheme diverges \[s\], chatter left out, and whose it is.
+    /// Smallest limit \[s\] beyond which the scheme diverges, without chatter, and the effect that determines it.
     pub fn stable(&self) -> (f64, StepBound) {
         let all = [(self.friction, StepBound::Friction), (self.bristle, StepBound::Bristle)];
         let bending = (self.bending, StepBound::Bending);
         all.into_iter().fold(bending, |least, next| if next.0 < least.0 { next } else { least })
     }
 
-    /// Which of them is the smallest.
+    /// Effect with the smallest limit.
     pub fn bound(&self) -> StepBound {
         let (stable, bound) = self.stable();
         if self.chatter < stable { StepBound::Chatter } else { bound }
@@ -73,10 +74,10 @@ impl StepLimit {
 }
 
 impl<const N: usize> Crane<f64, N> {
-    /// The step limit of the published scheme around a state.
+    /// Step limit of the published scheme at a state.
     ///
-    /// The fastest mode comes from a power iteration with the oil at its stiffest. The chatter is the limit
-    /// cycle of forward Euler across a square root, of amplitude `(h c K/2)²` with `c = β (1/V_1 + 1/V_2)`.
+    /// The fastest mode comes from a power iteration with the oil at its stiffest. The chatter is the limit cycle of
+    /// forward Euler across a square root, of amplitude `(h c K/2)²` with `c = β (1/V_1 + 1/V_2)`.
     pub fn step_limit(&self, state: &CraneState<f64, N>) -> StepLimit {
         let boom = &self.boom;
         let (segments, n) = (boom.len(), boom.coordinates());

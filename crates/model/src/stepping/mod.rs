@@ -1,4 +1,4 @@
-//! Moving a crane in time.
+//! Time integration schemes.
 //!
 //! | scheme | order | cost | for |
 //! |---|---|---|---|

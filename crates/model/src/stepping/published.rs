@@ -1,4 +1,4 @@
-//! The paper's time step (equations (30) to (32), section 5.1).
+//! Published time step: sequential Euler update (equations (30) to (32), section 5.1).
 
 use crate::circuit::Circuit;
 use crate::crane::{Crane, CraneState};

@@ -1,11 +1,11 @@
-//! The classical Runge-Kutta step, for converged references.
+//! Classical Runge-Kutta step, for converged references.
 
 use crate::circuit::{Circuit, Coordinates};
 use crate::crane::{Crane, CraneRates, CraneState};
 use core::array::from_fn;
 use hydroboom_math::Real;
 
-/// One step of `step` \[s\]. Fourth order; explicit, so its step has to resolve the fastest mode
+/// One classical Runge-Kutta step of `step` \[s\]. Fourth order; explicit, so its step must resolve the fastest mode
 /// and the fastest orifice.
 pub fn runge_kutta_4<T: Real, const N: usize, C: Circuit<T>>(
     crane: &Crane<T, N, C>,

@@ -1,4 +1,5 @@
-//! The implicit step over numbers with slopes: plain numbers are solved for, slopes follow.
+//! Sensitivities of the implicit step by the implicit function theorem: plain numbers are solved for, derivatives
+//! follow.
 //!
 //! What Newton's method solves, `r(y, θ) = 0`, has the slope `y' = −(∂r/∂y)⁻¹ ∂r/∂θ`. So one evaluation of
 //! the residual over numbers with slopes, at the solution, and one plain matrix are enough, for any number
@@ -13,7 +14,8 @@ use crate::hydraulics::FrictionLaw;
 use core::array::from_fn;
 use hydroboom_math::Dual;
 
-/// A crane's plain numbers, and its steps.
+/// Implicit steps of a crane whose parameters are dual numbers: values as with plain numbers, derivatives by the
+/// implicit function theorem.
 #[derive(Clone, Copy, Debug)]
 pub struct Underlying<const N: usize, const P: usize, C: Circuit<Dual<f64, P>>> {
     crane: Crane<f64, N, C::Over<f64>>,
@@ -26,14 +28,14 @@ type Plain<const N: usize, const P: usize, C> =
     CraneState<f64, N, <<C as Circuit<Dual<f64, P>>>::Over<f64> as Circuit<f64>>::State>;
 
 impl<const N: usize, const P: usize, C: Circuit<Dual<f64, P>>> Underlying<N, P, C> {
-    /// Of a crane whose numbers have slopes.
+    /// Prepares steps of the given crane; to be used with that crane only.
     pub fn new(crane: &Crane<Dual<f64, P>, N, C>) -> Self {
         let crane = crane.over(&mut |number: Dual<f64, P>| number.value);
         Self { crane, scheme: Implicit::new(&crane) }
     }
 
-    /// One step of `step` \[s\] of the crane that this is of. Returns how well it was solved, as [`Implicit::step`] does. The
-    /// values are those of the plain step.
+    /// One step of `step` \[s\] of the crane given to [`new`](Self::new). Returns the remaining change of a pressure
+    /// \[Pa\], as [`Implicit::step`] does. The values are those of the plain step.
     pub fn step(
         &self,
         crane: &Crane<Dual<f64, P>, N, C>,

@@ -3,7 +3,7 @@
 use hydroboom_math::record;
 
 record! {
-    /// Limits of the frame, from a crane file.
+    /// Limits of the frame around an exported controller, from a crane file.
     pub struct FrameLimits<T> {
         /// Control period
         #[unit = "s"]
@@ -11,7 +11,7 @@ record! {
         /// Length of the stroke
         #[unit = "m"]
         pub stroke: T,
-        /// Distance from the end stops that a moving piston keeps
+        /// Smallest distance of a moving piston from the end stops
         #[unit = "m"]
         pub end_margin: T,
         /// Largest speed of the piston
@@ -20,7 +20,7 @@ record! {
         /// Largest pressure
         #[unit = "Pa"]
         pub pressure: T,
-        /// Largest movement of a held load
+        /// Largest displacement of a held load
         #[unit = "m"]
         pub creep: T,
         /// Largest tracking error
@@ -35,34 +35,34 @@ record! {
         /// Duration of a controlled stop
         #[unit = "s"]
         pub stop_time: T,
-        /// Way of a controlled stop for each speed, with what swings on
+        /// Stopping distance of a controlled stop per piston speed, including the load's oscillation
         #[unit = "s"]
         pub stopping_time: T,
-        /// Time for which measurements that are not plausible are borne once enabled
+        /// Time for which implausible measurements are tolerated once enabled
         #[unit = "s"]
         pub wait_time: T,
-        /// Time for which a load is observed until it is still: a period of the load mode
+        /// Observation time until a load counts as still: a period of the load mode
         #[unit = "s"]
         pub still_time: T,
-        /// Piston speed below which a load is still
+        /// Piston speed below which the load counts as still
         #[unit = "m/s"]
         pub still_speed: T,
-        /// Time after which a signal that repeats itself is stuck; 0 where sensors have no noise
+        /// Time after which an unchanged signal counts as stuck; 0 where sensors have no noise
         #[unit = "s"]
         pub stuck: T,
-        /// Largest step of the position from one reading to the next that is no motion
+        /// Largest step of the position between two measurements beyond its motion
         #[unit = "m"]
         pub position_step: T,
-        /// Largest step of a pressure from one reading to the next
+        /// Largest step of a pressure between two measurements
         #[unit = "Pa"]
         pub pressure_step: T,
         /// Largest disagreement of pump-side and cylinder pressure behind an open valve
         #[unit = "Pa"]
         pub pressure_agreement: T,
-        /// Time for which it must last
+        /// Duration of such a disagreement until it is a fault
         #[unit = "s"]
         pub agreement_time: T,
-        /// Time from the valve's command until it has switched at the latest
+        /// Longest time from the valve's command until it has switched
         #[unit = "s"]
         pub valve_time: T,
     }

@@ -6,7 +6,7 @@ use crate::supervision::release::ReleaseState;
 use hydroboom_math::record;
 
 record! {
-    /// What the frame itself remembers.
+    /// State of the frame without that of its monitors.
     pub struct FrameMemory<T> {
         /// Phase: 0 idle, 1 holding, 2 releasing, 3 opening, 4 controlling, 5 stopping, 6 fault
         #[unit = "1"]
@@ -20,7 +20,7 @@ record! {
         /// Motor speed commanded
         #[unit = "rev/s"]
         pub motor_speed: T,
-        /// Valve commanded
+        /// Commanded load-holding valve: 1 energised, 0 not
         #[unit = "1"]
         pub holding_valve: T,
         /// Time since the valve was last commanded to switch
@@ -35,13 +35,13 @@ record! {
         /// Time since the stop began
         #[unit = "s"]
         pub stop_since: T,
-        /// Start in the period before
+        /// Input `start` of the previous control period
         #[unit = "1"]
         pub start: T,
-        /// Reset in the period before
+        /// Input `reset_fault` of the previous control period
         #[unit = "1"]
         pub reset: T,
-        /// 1 once a period has passed
+        /// 1 after the first control period
         #[unit = "1"]
         pub has_begun: T,
         /// Periods in which a measurement was not plausible, each forgotten within ten plausible ones
@@ -95,22 +95,22 @@ record! {
         /// Time for which the pressure on pump side B has repeated itself
         #[unit = "s"]
         pub pressure_pump_b_repeated: T,
-        /// Velocity of the piston, averaged
+        /// Low-pass filtered piston velocity
         #[unit = "m/s"]
         pub velocity: T,
-        /// Time for which it has been enabled
+        /// Time since the frame was enabled
         #[unit = "s"]
         pub enabled_for: T,
-        /// Integral of the position over this period of the load mode
+        /// Integral of the piston position over the present observation window, a period of the load mode
         #[unit = "m·s"]
         pub held_sum: T,
-        /// Time in this period of the load mode
+        /// Time since the start of the present observation window
         #[unit = "s"]
         pub held_time: T,
-        /// Mean position over the period of the load mode before
+        /// Mean piston position over the previous observation window
         #[unit = "m"]
         pub held_mean: T,
-        /// Periods of the load mode that have passed in this phase
+        /// Number of observation windows completed in this phase
         #[unit = "1"]
         pub held_windows: T,
         /// Time for which the load has been still
@@ -119,48 +119,48 @@ record! {
         /// Position at which the load is held, or was when the valve was energised
         #[unit = "m"]
         pub held_at: T,
-        /// Time for which pump side and cylinder have disagreed behind an open valve
+        /// Time for which the pressures of pump side and cylinder have disagreed behind an open valve
         #[unit = "s"]
         pub disagreeing: T,
-        /// Time for which everything has been well in a fault
+        /// Time in a fault since all causes have gone
         #[unit = "s"]
         pub well_for: T,
-        /// Difference of the reference that is followed to the one that is given
+        /// Offset of the followed reference from the given one
         #[unit = "m"]
         pub offset: T,
-        /// 1 after a sustained oscillation: the controller has its fallback gains
+        /// 1 after a sustained oscillation: the controller uses its fallback gains
         #[unit = "1"]
         pub falls_back: T,
     }
 }
 
-/// State of the frame.
+/// State of the frame and its monitors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameState<T> {
-    /// Its own.
+    /// Phase, last commands and measurements, counters.
     pub memory: FrameMemory<T>,
-    /// Of the drive's monitor.
+    /// State of the drive monitor.
     pub drive: DriveMonitorState<T>,
-    /// Of the release.
+    /// State of the release.
     pub release: ReleaseState<T>,
-    /// Of the oscillation detector.
+    /// State of the oscillation detector.
     pub oscillation: OscillationState<T>,
 }
 
-/// Phases of the frame.
+/// Values of the frame's phase.
 pub mod frame_phase {
-    /// Not enabled.
+    /// Not enabled: motor at zero, valve shut.
     pub const IDLE: f64 = 0.0;
-    /// The load hangs on its valves.
+    /// Load held by the shut load-holding valves.
     pub const HOLDING: f64 = 1.0;
-    /// The pump proves that it carries the load.
+    /// Release under way: the pump is run until it demonstrably carries the load.
     pub const RELEASING: f64 = 2.0;
-    /// The valve has its time to open.
+    /// Load-holding valve commanded open; it is given its switching time.
     pub const OPENING: f64 = 3.0;
-    /// The controller moves the load.
+    /// Controller active.
     pub const CONTROLLING: f64 = 4.0;
-    /// The load is brought to rest.
+    /// Controlled stop under way.
     pub const STOPPING: f64 = 5.0;
-    /// Something was wrong; the load is held until a reset.
+    /// Fault: load held until a reset.
     pub const FAULT: f64 = 6.0;
 }

@@ -1,4 +1,4 @@
-//! Plausibility of measurements and reference, and what stands in for those that are not plausible.
+//! Plausibility of measurements and reference, and substitutes for implausible ones.
 
 use super::{Frame, FrameInput, FrameMemory, Phases, REFERENCE_SLACK, is_set};
 use crate::supervision::plausibility::{LOWEST_PRESSURE, RUNAWAY, STROKE_SLACK, VELOCITY_WINDOW};

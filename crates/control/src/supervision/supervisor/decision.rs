@@ -1,28 +1,28 @@
-//! States of the supervisor, requests of a person, and what is decided in a control period.
+//! States of the supervisor, requests of an operator, and decision of a control period.
 
 use crate::command::AxisCommand;
 use crate::supervision::fault::Cause;
 use crate::supervision::waiting::Waiting;
 
-/// What the machine is doing.
+/// State of the supervisor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Nothing has been asked for; nothing acts.
+    /// Initial state: nothing requested, motor at zero, valve shut.
     Idle,
-    /// Readings are plausible; nothing acts.
+    /// Machine observed: measurements are plausible, motor at zero, valve shut.
     Ready,
-    /// The load hangs on its valves; before a motion the pump takes it over.
+    /// Load held by the shut valves; before a motion the pump takes it over.
     Holding,
-    /// The valves are open, the controller moves the load.
+    /// Valves open, controller active.
     Moving,
-    /// The load is brought to rest, then held.
+    /// Controlled stop, then the load is held.
     Stopping,
-    /// Something was wrong; the load is held until a person resets.
+    /// Fault: the load is held until a person resets.
     Fault,
 }
 
 impl State {
-    /// All of them.
+    /// All states.
     pub const ALL: [Self; 6] =
         [Self::Idle, Self::Ready, Self::Holding, Self::Moving, Self::Stopping, Self::Fault];
 
@@ -38,56 +38,56 @@ impl State {
         }
     }
 
-    /// The state of this name.
+    /// State with this name; `None` for an unknown name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.name() == name)
     }
 }
 
-/// What a person, or the program for him, asks for.
+/// Request of an operator, or of a program on his behalf.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Request {
-    /// Nothing.
+    /// No request.
     #[default]
     None,
-    /// Watch the machine.
+    /// Observe the machine.
     Enable,
-    /// Switch the drive on, load held.
+    /// Switch the drive on, with the load held.
     Hold,
-    /// Release the load and move.
+    /// Release the load and start the course.
     Start,
-    /// Come to rest and hold.
+    /// Controlled stop, then hold the load.
     Stop,
-    /// Hold at once.
+    /// Hold the load at once.
     EmergencyStop,
-    /// After a fault: watch the machine again.
+    /// Leave a fault: observe the machine again.
     Reset,
 }
 
-/// What is to be sent, and what the machine is doing.
+/// Output of the supervisor in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decision {
-    /// What to send.
+    /// Command to the machine.
     pub command: AxisCommand<f64>,
-    /// What the machine is doing.
+    /// State of the supervisor.
     pub state: State,
-    /// Why it is in [`State::Fault`].
+    /// Cause of the fault in [`State::Fault`], else `None`.
     pub cause: Option<Cause>,
-    /// Whether the controller has the load: then its course runs.
+    /// Whether the controller is active; the course then advances.
     pub controls: bool,
-    /// Whether a release is under way: the pump proves that it carries the load.
+    /// Whether a release of the load is under way.
     pub releasing: bool,
-    /// What the state waits for.
+    /// Condition that the state waits for.
     pub waiting: Waiting,
-    /// For how long it has waited for that \[s\].
+    /// Time for which it has waited for this condition \[s\].
     pub waited: f64,
-    /// Amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found while the controller has had
-    /// the load.
+    /// Amplitude \[m\] and frequency \[Hz\] of a sustained oscillation found since the controller became active, else
+    /// `None`.
     pub oscillation: Option<[f64; 2]>,
 }
 
 impl Decision {
-    /// Of a machine that nothing has been asked of: valve shut, motor at zero.
+    /// Decision of an idle machine: valve shut, motor at zero.
     pub const IDLE: Self = Self {
         command: HELD,
         state: State::Idle,
@@ -99,12 +99,12 @@ impl Decision {
         oscillation: None,
     };
 
-    /// Whether motor and valve are commanded to rest.
+    /// Whether the command is: motor at zero, load held.
     pub fn is_at_rest(&self) -> bool {
         self.command == HELD
     }
 
-    /// Whether the machine's drives are to follow: from Holding on, and until a stop has ended.
+    /// Whether the machine's drives are enabled: from Holding on, until a stop has ended.
     pub fn is_enabled(&self) -> bool {
         let acts = matches!(self.state, State::Holding | State::Moving | State::Stopping);
         acts || !self.is_at_rest()

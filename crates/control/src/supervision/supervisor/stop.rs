@@ -5,7 +5,7 @@ use crate::measurement::AxisSignals;
 use crate::supervision::fault::{Cause, Reaction};
 use crate::supervision::limits::{Observation, ValveState};
 
-/// Share of a controlled stop in which the motor is ramped to zero; the rest is the load's to come to rest.
+/// Share of a controlled stop's duration for the motor's ramp to zero; in the rest the load comes to rest.
 pub const CONTROLLED_RAMP: f64 = 0.75;
 
 /// A stop under way.
