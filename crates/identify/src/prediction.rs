@@ -20,7 +20,9 @@ const DERIVATIVES_PER_RUN: usize = 8;
 /// valves it chatters within bounds, and its exact derivatives grow without bound.
 pub(crate) const STEPS: u32 = 2;
 
-/// Signals of the model at the samples of an experiment, in SI units and in the order of [`COMPARED`].
+/// Response of the model in SI units: a row for each sample of an experiment, a column for each of [`COMPARED`]. The
+/// column of a signal that the model does not have is zero: pump sides and accumulator of a valve-controlled crane,
+/// and the motor speed where the experiment has no command of it.
 pub type Prediction = Vec<[f64; COMPARED.len()]>;
 
 /// Number of initial values: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a
@@ -210,11 +212,7 @@ fn filtered<T: Number>(response: &mut Response<T>, signal: usize, ratio: f64) {
     }
 }
 
-/// Prediction of the model for an experiment's inputs.
-///
-/// # Errors
-///
-/// [`IdentifyError`] if there is no such model, or the simulation fails.
+/// Response of the model to an experiment's inputs, from its measured initial values, at the times of its samples.
 pub fn predict(model: &Description, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
     predict_from(model, experiment, &[0.0; INITIAL_VALUES])
 }
@@ -229,11 +227,9 @@ pub(crate) fn predict_from(
     simulated(model, &model.numbers, &initial, experiment)
 }
 
-/// Prediction, and its derivative with respect to ln θ of each key, in units of the signals.
-///
-/// # Errors
-///
-/// See [`predict`].
+/// Response of the model as [`predict`], and its derivatives with respect to ln θ of each free key, exact by dual
+/// numbers. The derivatives are in the signals' SI units: one array per key, in the order of `free`, of the response's
+/// shape.
 pub fn sensitivities(
     model: &Description,
     experiment: &Experiment,
