@@ -94,8 +94,9 @@ fn results(states: &[E], first: usize, outputs: &[E]) -> Vec<(Target, Node)> {
     states.chain(outputs).collect()
 }
 
-/// The benchmark controller within the frame. Its gains are parameters; limits, release and all other values derived
-/// from the crane are constants of the code.
+/// Block of the benchmark controller (PI with velocity feedforward and pressure feedback) within the frame that holds
+/// and releases the load. Its gains are parameters; limits, release and all other values derived from the crane are
+/// constants of the code.
 ///
 /// # Errors
 ///
@@ -154,7 +155,8 @@ fn placed(names: &[&str], before: &str, unit: &str, meaning: &str) -> Vec<(Varia
     all
 }
 
-/// The scheduled LQR with its state estimator within the frame. Its inputs include the preview of the reference.
+/// Block of the scheduled LQR with its state estimator within the frame that holds and releases the load. Its inputs
+/// include the preview of the reference.
 ///
 /// # Errors
 ///
@@ -287,8 +289,8 @@ pub(crate) fn simulating_period(
     Ok(RecordedPeriod { inputs, states, motor, next: kept, outputs: output.to_array().to_vec() })
 }
 
-/// The simulation feedforward within the frame, for a simulated crane in a separate block: that crane's outputs are
-/// inputs, its motor speed is an output.
+/// Block of the benchmark controller with simulation feedforward within the frame, for a simulated crane in a separate
+/// block: the outputs of that crane are inputs, its motor speed \[rev/s\] is an output.
 ///
 /// # Errors
 ///
