@@ -7,7 +7,7 @@ use hydroboom_model::{
     ValveStart,
 };
 
-/// Number type over which a model can be simulated: `f64`, or [`Dual`] for forward-mode automatic differentiation.
+/// Number type over which a model can be simulated: `f64`, or dual numbers for forward-mode automatic differentiation.
 pub trait Number: Real {
     /// Data that an integration step needs besides the crane.
     type Scheme<const N: usize, C: Circuit<Self>>;

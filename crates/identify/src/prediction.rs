@@ -213,6 +213,27 @@ fn filtered<T: Number>(response: &mut Response<T>, signal: usize, ratio: f64) {
 }
 
 /// Response of the model to an experiment's inputs, from its measured initial values, at the times of its samples.
+///
+/// ```
+/// use hydroboom_description::Description;
+/// use hydroboom_identify::{Experiment, Window, predict};
+/// use hydroboom_measurement::{Measurement, Signal, Signals, Track};
+/// let time: Vec<f64> = (0..500).map(|k| 1e-3 * f64::from(k)).collect();
+/// let mut signals = Signals::default();
+/// signals.insert(Signal::Stroke, Track::new(&time, &vec![0.2; time.len()]));
+/// signals.insert(Signal::MotorSpeed, Track::new(&time, &vec![0.0; time.len()]));
+/// let log = Measurement { name: "log".into(), channels: Vec::new(), remarks: Vec::new(), time: None };
+/// let model = Description::uia_single_boom()?;
+/// let experiment = Experiment::new(&model, &log, &signals, Window::default())?;
+/// let prediction = predict(&model, &experiment)?;
+/// assert_eq!(prediction.len(), experiment.samples.len());
+/// assert!((prediction[0][0] - 0.2).abs() < 1e-3, "the piston starts at 0.2 m");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+///
+/// [`IdentifyError`] if there is no such model, or the simulation fails.
 pub fn predict(model: &Description, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
     predict_from(model, experiment, &[0.0; INITIAL_VALUES])
 }

@@ -39,6 +39,14 @@ const PERIODS: f64 = 3.0;
 /// The frequency is the largest peak of the amplitude spectrum of the signal's second difference over 0.2 s, which
 /// removes slow motion. A Hann window is used, and bins are interpolated by a parabola. Damping and a refined
 /// frequency come from `y = a + b t + e^{−σt} (c cos ωt + d sin ωt)`, fitted to the longest free decay.
+///
+/// ```
+/// use hydroboom_identify::ringing;
+/// let decay = |t: f64| 70.0 + 5.0 * (-0.8 * t).exp() * (std::f64::consts::TAU * 3.0 * t).cos();
+/// let values: Vec<f64> = (0..1200).map(|k| decay(0.005 * f64::from(k))).collect();
+/// let found = ringing(&values, 0.005, &vec![true; values.len()]);
+/// assert!(found.is_some_and(|oscillation| (oscillation.frequency - 3.0).abs() < 0.03));
+/// ```
 pub fn ringing(values: &[f64], interval: f64, is_free: &[bool]) -> Option<Ringing> {
     if values.len() < 64 || values.iter().any(|v| !v.is_finite()) {
         return None;

@@ -35,7 +35,7 @@ pub struct Audit {
     pub change_j: f64,
     /// Net work of the pump on the oil \[J\].
     pub work_j: f64,
-    /// Dissipated energy: friction, throttling, leakage and structural damping \[J\].
+    /// Dissipated energy \[J\]: in valves, lines, leakage, cylinder friction, joints and end stops.
     pub losses_j: f64,
     /// Energy added by equations that do not conserve mass \[J\].
     pub defects_j: f64,
