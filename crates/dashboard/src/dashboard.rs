@@ -128,7 +128,7 @@ impl Dashboard {
         self.demands.try_iter().collect()
     }
 
-    /// Shows a notice to all viewers.
+    /// Shows a notice, as plain text, to all viewers.
     pub fn say(&mut self, text: &str) {
         self.feed().say(text);
     }

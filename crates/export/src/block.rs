@@ -30,7 +30,7 @@ pub enum Target {
 /// A function of a block: results that are computed in one call.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// Name in snake case.
+    /// Name in snake case, which becomes the end of the function's name.
     pub name: String,
     /// Description for the generated comment.
     pub meaning: String,
@@ -60,7 +60,7 @@ impl ControlPeriod {
 /// generated. It is a discrete-time system: each entry computes outputs and next states from inputs and states.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Name in snake case.
+    /// Name in snake case, from which the names of the generated types and functions are formed.
     pub name: String,
     /// Description for the generated comment.
     pub meaning: String,
@@ -70,7 +70,7 @@ pub struct Block {
     pub parameters: Vec<(Variable, Node)>,
     /// Inputs of each call, with the nodes of their values.
     pub inputs: Vec<(Variable, Node)>,
-    /// States, with the nodes of their current values.
+    /// States, which are kept from call to call, with the nodes of their current values.
     pub states: Vec<(Variable, Node)>,
     /// Outputs, to which [`Target::Output`] refers by index.
     pub outputs: Vec<Variable>,

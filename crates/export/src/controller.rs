@@ -242,13 +242,13 @@ pub fn scheduled_lqr_controller(description: &Description) -> Result<Block, Expo
 pub(crate) struct RecordedPeriod {
     /// Inputs besides those of the simulated crane.
     pub inputs: Vec<(Variable, E)>,
-    /// States.
+    /// States of frame, controller and alignment, with their expressions.
     pub states: Vec<(Variable, E)>,
-    /// Index of the simulated motor speed among them.
+    /// Index of the simulated crane's motor speed \[rev/s\] among the states.
     pub motor: usize,
-    /// Next values of the states.
+    /// Expressions of the states after the control period, in their order.
     pub next: Vec<E>,
-    /// Outputs.
+    /// Expressions of the outputs of the frame.
     pub outputs: Vec<E>,
 }
 

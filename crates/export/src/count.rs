@@ -5,19 +5,19 @@ use crate::graph::{Graph, Node, Op};
 /// Number of floating-point operations by kind; an operation in a loop counts once for each row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Sums, differences and negations.
+    /// Number of sums, differences and negations.
     pub sums: usize,
-    /// Products of two numbers.
+    /// Number of products of two numbers.
     pub products: usize,
-    /// Fused multiply-adds.
+    /// Number of fused multiply-adds.
     pub fused: usize,
-    /// Divisions.
+    /// Number of divisions.
     pub quotients: usize,
-    /// Square roots.
+    /// Number of square roots.
     pub roots: usize,
     /// Exponentials, logarithms, hyperbolic tangents; a sine and cosine count as one.
     pub functions: usize,
-    /// Comparisons of two numbers.
+    /// Number of comparisons of two numbers.
     pub comparisons: usize,
     /// Selections of one of two numbers by a condition.
     pub choices: usize,

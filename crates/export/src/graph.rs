@@ -85,7 +85,7 @@ pub enum Op {
 pub struct Repetition {
     /// Name of the Rust source file that it was recorded from, for the name of its function.
     pub origin: String,
-    /// Number of rows.
+    /// Number of rows, over which the loop runs.
     pub count: u32,
     /// Condition under which the loop is executed; none if it always is.
     pub condition: Option<Node>,
@@ -97,7 +97,7 @@ pub struct Repetition {
     pub begin: Vec<Node>,
     /// Values of the carried states after a row.
     pub next: Vec<Node>,
-    /// Outputs of a row.
+    /// Nodes of the outputs of a row.
     pub made: Vec<Node>,
 }
 

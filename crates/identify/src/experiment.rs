@@ -31,7 +31,7 @@ pub struct Window {
     pub to: Option<f64>,
 }
 
-/// Measured signals at one time.
+/// Measured values of all compared signals at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Time since the start of the experiment \[s\].

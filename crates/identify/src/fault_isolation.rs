@@ -21,9 +21,9 @@ use rayon::prelude::*;
 /// Fault of one signal of a log: additive, multiplicative or in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// Offset \[SI\]; not for a position, because the model starts at the log's position.
+    /// Additive offset \[SI unit of the signal\]; not for a position, because the model starts at the log's position.
     Offset(f64),
-    /// Scale factor: of a position about its initial value, where the model starts too; of a pressure about
+    /// Scale factor \[-\]: of a position about its initial value, where the model starts too; of a pressure about
     /// zero.
     Scale(f64),
     /// Delay \[s\]; for an input, relative to all compared signals.

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 /// Proposed change of one key, and its effect on position, pressures, frequency and damping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
-    /// Path of the key.
+    /// Path `section.name` of the changed key.
     pub path: String,
     /// Relative change of the key \[-\]: 0.1 is an increase by 10 %.
     pub change: f64,

@@ -19,7 +19,7 @@ pub struct Timing {
     pub step_ns: f64,
     /// Execution time of the same step with several cranes vectorised, per crane \[ns\].
     pub lanes_step_ns: f64,
-    /// Vector instruction set selected at run time.
+    /// Name of the vector instruction set that was selected at run time.
     pub instruction_set: &'static str,
     /// Execution time of an implicit step for several numbers of boom segments.
     pub segments: Vec<SegmentTiming>,

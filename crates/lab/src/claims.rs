@@ -28,7 +28,7 @@ pub struct OnPlant {
 pub struct Claim {
     /// Description of the compared quantities.
     pub compares: String,
-    /// Unit of all figures.
+    /// Unit of all figures of the claim.
     pub unit: &'static str,
     /// Whether a larger figure is better.
     pub more_is_better: bool,

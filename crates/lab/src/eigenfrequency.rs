@@ -54,7 +54,7 @@ pub struct ShapedMode {
     pub pressure_a_bar_per_deg: f64,
 }
 
-/// Time series of a locked-valve oscillation test.
+/// Time series of a locked-valve oscillation test: pressure and height of the tip.
 #[derive(Clone, Debug)]
 pub struct Oscillation {
     /// Times \[s\].

@@ -24,7 +24,7 @@ pub struct Balance {
     pub losses: f64,
 }
 
-/// Energy balance over one motion cycle.
+/// Energy balance over one motion cycle with one integration scheme and step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Audit {
     /// Name of the integration scheme.

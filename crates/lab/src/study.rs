@@ -42,11 +42,11 @@ pub struct Difference {
     pub virtual_rms: Option<f64>,
     /// Peak difference of the virtual crane, with its sign; none without one.
     pub virtual_peak: Option<f64>,
-    /// RMS difference of the off-model plant.
+    /// RMS difference of the off-model plant, in this unit.
     pub off_model_rms: f64,
-    /// Peak difference of the off-model plant, with its sign.
+    /// Peak difference of the off-model plant in this unit, with its sign.
     pub off_model_peak: f64,
-    /// RMS difference between the real crane and the paper's simulation; none for another crane.
+    /// RMS difference between the real crane and the paper's simulation, in this unit; none for another crane.
     pub paper_rms: Option<f64>,
     /// Peak difference between the real crane and the paper's simulation; none for another crane.
     pub paper_peak: Option<f64>,

@@ -48,7 +48,7 @@ const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_ba
 /// Estimate of one quantity compared with its true value, in the unit at the end of its name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Compared {
-    /// Estimate at the end of the run.
+    /// Estimate at the end of the run, in the unit of the name.
     pub estimated: f64,
     /// Standard deviation of the estimate; none for the drive's lag, which is estimated by recursive least squares.
     pub deviation: Option<f64>,

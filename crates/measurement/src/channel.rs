@@ -16,7 +16,7 @@ const MOST_NAMED: usize = 40;
 pub struct Channel {
     /// Name from the heading, without its unit.
     pub name: String,
-    /// The column's heading, as logged.
+    /// Heading of the column, with its unit, as logged.
     pub heading: String,
     /// Unit; none if the log states no known one.
     pub unit: Option<Unit>,
@@ -31,7 +31,7 @@ pub struct Channel {
     pub values: Vec<f64>,
 }
 
-/// Part of a channel without a step of its clock.
+/// Part of a channel between two steps of its clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// Time of its first sample \[s\].

@@ -6,7 +6,7 @@ use crate::unit::Unit;
 /// Heading of a column, divided into name and unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Heading {
-    /// Name, without its unit.
+    /// Name of the quantity, without its unit.
     pub name: String,
     /// Stated unit; none if the heading states none, or no known one.
     pub unit: Option<Unit>,

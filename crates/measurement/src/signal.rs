@@ -5,29 +5,29 @@ use crate::dimension::Dimension;
 /// Signal of a crane model. Values are in SI units: m, Pa (gauge pressure), rev/s; valves in shares or volts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Signal {
-    /// Piston position.
+    /// Piston position \[m\].
     Stroke,
-    /// Pressure on pump side A.
+    /// Pressure on pump side A, p_PA \[Pa\].
     PressurePumpA,
-    /// Pressure on the piston side.
+    /// Pressure on the piston side, p_A \[Pa\].
     PressureA,
-    /// Pressure on the rod side.
+    /// Pressure on the rod side, p_B \[Pa\].
     PressureB,
-    /// Pressure on pump side B.
+    /// Pressure on pump side B, p_PB \[Pa\].
     PressurePumpB,
-    /// Pressure in the accumulator.
+    /// Pressure in the accumulator, p_acc \[Pa\].
     PressureAccumulator,
-    /// Motor speed, measured.
+    /// Motor speed, measured \[rev/s\].
     MotorSpeed,
-    /// Motor speed, commanded.
+    /// Motor speed, commanded \[rev/s\].
     MotorCommand,
-    /// Load-holding valve, 1 for open.
+    /// Load-holding valve \[-\]: 1 for open, 0 for shut.
     HoldingValve,
-    /// Command of a proportional valve.
+    /// Command of a proportional valve \[V\], or its share of the command for full spool travel \[-\].
     ValveCommand,
-    /// Supply pressure of a valve.
+    /// Supply pressure of a proportional valve, p_P \[Pa\].
     PressureSupply,
-    /// Tank-line pressure of a valve.
+    /// Tank-line pressure of a proportional valve, p_T \[Pa\].
     PressureTank,
 }
 

@@ -233,7 +233,7 @@ pub struct BusReport {
 }
 
 impl BusReport {
-    /// Statistics of the controller's endpoint.
+    /// Statistics of a session from the controller's endpoint, with remarks on the thread.
     pub fn of(endpoint: &Endpoint, remarks: Vec<String>) -> Self {
         let (counters, refused) = endpoint.counters();
         Self { counters, refused, link: endpoint.link(), remarks }

@@ -84,7 +84,7 @@ impl Desk {
         self.attended_until.store(until, Ordering::Release);
     }
 
-    /// Whether an operator is present.
+    /// Whether an operator is present: the time since the last sign of presence has not expired.
     pub fn is_attended(&self) -> bool {
         let until = self.attended_until.load(Ordering::Acquire);
         until == ALWAYS || now() < until

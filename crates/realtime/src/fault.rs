@@ -1,6 +1,6 @@
 //! Injected faults of sensors, drive, valve, load, control and operator.
 
-/// Fault of a sensor.
+/// Fault of a sensor signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensor {
     /// The last value is repeated.
@@ -15,7 +15,7 @@ pub enum Sensor {
     Delayed,
 }
 
-/// Plausible but wrong pressure signal.
+/// Plausible but wrong pressure signal, which range checks do not find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongPressure {
     /// p_A reads 0 bar, with noise.

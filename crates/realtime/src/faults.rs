@@ -97,7 +97,7 @@ pub struct Outcome {
     pub peak_pressure: f64,
     /// Upper bound of the pressure \[Pa\]: the supervised limit, and the rise when the valve shuts at speed.
     pub pressure_bound: f64,
-    /// Whether the supervisor must detect the fault.
+    /// Whether the supervisor must detect the fault at this moment of the course.
     pub must_be_found: bool,
     /// Upper bound of the movement, computed from the limits \[m\].
     pub movement_bound: f64,

@@ -362,7 +362,7 @@ pub struct Row {
     pub command: AxisCommand<f64>,
     /// State of the supervisor.
     pub state: State,
-    /// Whether the load was being released.
+    /// Whether the load was being released from its valves.
     pub releasing: bool,
     /// Time since the executive began \[s\].
     pub time: f64,

@@ -58,7 +58,7 @@ impl Delay {
     }
 }
 
-/// Data to a machine in one control period.
+/// Command to a machine in one control period, with the enabling of its drives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outgoing {
     /// Commands of drives and valves: motor speeds \[rev/s\] and load-holding valves.

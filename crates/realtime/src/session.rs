@@ -20,7 +20,7 @@ use hydroboom_virtual_crane::Truth;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Condition that ends a run.
+/// Condition that ends a run; the load is held in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// A course is over or a fault occurred, and the load is held.

@@ -39,7 +39,8 @@ pub struct Simulated {
     pub steps: u64,
     /// Number of synchronisations with the machine since the start.
     pub epoch: u64,
-    /// State that the controllers use.
+    /// State that the controllers use: piston position \[m\] and velocity \[m/s\], and load pressure \[Pa\] of each
+    /// axis.
     pub state: SimulatedState,
     /// Absolute angle of each boom segment \[rad\].
     pub angle: [f64; 3],

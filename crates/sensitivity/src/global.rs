@@ -53,7 +53,7 @@ pub struct Sobol {
 type Row = Vec<Vec<f64>>;
 
 /// Sobol indices for each output of a case, and the number of rows in which all simulations succeeded. Each key θ is
-/// uniformly distributed in ln θ, with the standard deviation of its provenance ([`prior`]). `go_on` is called before
+/// uniformly distributed in ln θ, with the standard deviation of its provenance ([`prior()`]). `go_on` is called before
 /// each row; if it returns false, the row is skipped and the result comes from the rows done.
 ///
 /// Estimators: Saltelli et al. 2010 (doi:10.1016/j.cpc.2009.09.018) for the first order, Jansen 1999

@@ -53,7 +53,7 @@ pub enum Moment {
 /// Temporary error of one input signal of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disturbed {
-    /// Index of the input in [`FrameInput`].
+    /// Index of the disturbed input among the [`FrameInput`].
     pub input: usize,
     /// Kind of input error.
     pub bad: Bad,

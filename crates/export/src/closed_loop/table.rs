@@ -13,9 +13,9 @@ pub struct Row {
     pub target: &'static str,
     /// Test case.
     pub case: Case,
-    /// Measured outcome.
+    /// Outcome of the trial, from the true motion of the machine.
     pub outcome: Outcome,
-    /// Bounds on the outcome.
+    /// Bounds with which the outcome is compared.
     pub bounds: Bounds,
     /// Largest difference of the piston position to the undisturbed trial \[m\].
     pub off: f64,

@@ -79,7 +79,7 @@ pub struct Task {
     pub name: String,
     /// Period \[s\].
     pub interval: f64,
-    /// Priority; 0 is the highest.
+    /// Priority of the task; 0 is the highest.
     pub priority: u32,
     /// Name of the program that the task calls.
     pub program: String,

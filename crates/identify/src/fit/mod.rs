@@ -105,20 +105,21 @@ impl Tuned {
 /// Estimate of a nuisance parameter: the delay or the offset of one channel of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Name of the log.
+    /// Name of the log to which the channel belongs.
     pub log: String,
-    /// Which delay or offset.
+    /// Estimated delay or offset, by signal and kind.
     pub nuisance: Nuisance,
     /// Estimate, in the unit of [`Allowed::unit`]: ms, mm or bar.
     pub value: f64,
-    /// Posterior standard deviation, in the same unit.
+    /// Posterior standard deviation in the unit of [`Allowed::unit`].
     pub deviation: f64,
     /// Key that is most correlated with it, and the posterior correlation coefficient \[-\].
     pub partner: Option<(String, f64)>,
 }
 
 impl Channel {
-    /// Bounds of the 95 % interval, in the same unit.
+    /// Lower and upper bound of the 95 % interval, in the unit of [`Allowed::unit`]: estimate ∓ 1.96 standard
+    /// deviations.
     pub fn interval(&self) -> (f64, f64) {
         (self.value - 1.96 * self.deviation, self.value + 1.96 * self.deviation)
     }

@@ -12,7 +12,7 @@ use crate::prediction::Prediction;
 use hydroboom_measurement::{Dimension, Signal};
 use serde::Serialize;
 
-/// Kind of a nuisance parameter.
+/// Kind of a nuisance parameter: a delay or an offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Effect {
@@ -37,7 +37,7 @@ pub struct Nuisance {
 pub struct Allowed {
     /// Last part of its key, as `delay_ms` in `stroke.delay_ms`.
     pub name: &'static str,
-    /// Display unit.
+    /// Display unit: ms, mm or bar.
     pub unit: &'static str,
     /// One display unit in SI units: 1e-3 for ms and mm, 1e5 for bar.
     pub size: f64,
@@ -45,7 +45,7 @@ pub struct Allowed {
     pub range: [f64; 2],
     /// Prior standard deviation in the display unit, about a prior mean of zero.
     pub deviation: f64,
-    /// Source of range and prior.
+    /// Source of range and prior, as text.
     pub source: &'static str,
 }
 

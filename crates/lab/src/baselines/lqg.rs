@@ -12,7 +12,7 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 
-/// Weights and noise of the LQG design.
+/// Weights of the state feedback and noise of the Kalman filter of the LQG design.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
     /// Deviations of equal cost by Bryson's rule: position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor

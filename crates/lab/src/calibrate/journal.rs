@@ -91,7 +91,7 @@ impl Journal {
         Ok(values)
     }
 
-    /// Number of evaluations in the journal.
+    /// Number of evaluations in the journal, including those read from its file.
     pub fn len(&self) -> usize {
         self.known.len()
     }

@@ -14,7 +14,7 @@ const BAR: f64 = 1e5;
 /// Mechanism of the scheduled LQR, and the change of keys that switches it off.
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanism {
-    /// Name in tables.
+    /// Name of the mechanism in tables.
     pub name: &'static str,
     /// Change of the controller's crane file; that of the machine is unchanged.
     switch_off: fn(&mut Numbers<f64>),

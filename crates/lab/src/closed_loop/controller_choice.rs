@@ -14,9 +14,9 @@ use serde::{Serialize, Serializer};
 /// Controller of a closed loop: a strategy of the project, or a baseline for comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ControllerChoice {
-    /// Strategy for a machine.
+    /// Control strategy of the project.
     Strategy(Strategy),
-    /// Baseline for comparison.
+    /// Baseline, a published method for comparison.
     Baseline(Baseline),
 }
 

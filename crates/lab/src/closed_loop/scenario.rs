@@ -120,7 +120,7 @@ impl Scenario {
         self
     }
 
-    /// Summary of the scenario.
+    /// Summary of the scenario: number of moves, duration and largest speed.
     pub fn outline(&self) -> Outline {
         Outline {
             name: self.name,

@@ -180,7 +180,7 @@ pub fn simulate_controller(
 /// One closed-loop simulation: virtual crane, controller and course.
 #[derive(Clone, Copy)]
 pub struct Case<'a> {
-    /// Virtual crane.
+    /// Virtual crane that is controlled.
     pub crane: &'a Description,
     /// Controller under test.
     pub controller: ControllerChoice,

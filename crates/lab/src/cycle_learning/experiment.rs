@@ -102,7 +102,7 @@ pub struct CycleReport {
     pub payload: Option<IdentifiedPayload>,
     /// Whether the identified parameters may be used as overrides for other commands.
     pub usable: bool,
-    /// Reason why they may not; none if they may.
+    /// Reason why the identified parameters may not be used as overrides; none if they may.
     pub unusable_because: Option<String>,
     /// Proposed commands, one per control period, by feedforward from a log's model. None if the machine does not come
     /// from a log, if learning would not converge or diverged, or if the nominal model's feedforward has the smaller

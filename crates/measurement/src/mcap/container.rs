@@ -50,7 +50,7 @@ impl Loss {
         *self == Self::default()
     }
 
-    /// Whether there is damage other than truncation.
+    /// Whether chunks or messages are damaged; truncation alone does not count.
     pub fn is_damage(&self) -> bool {
         !Self { is_cut_off: false, ..self.clone() }.is_none()
     }

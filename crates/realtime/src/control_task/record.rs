@@ -27,15 +27,15 @@ pub struct Period {
     pub strategy: Strategy,
     /// Number of control periods missed since the last executed one.
     pub missed: u32,
-    /// Whether an operator is present.
+    /// Whether an operator is present; without one no motion may start.
     pub attended: bool,
     /// Whether the machine's clock jumped backwards or far ahead.
     pub clock_jumped: bool,
-    /// Timing of the real-time tasks, for the record.
+    /// Timing of the real-time tasks, which is passed on to the record; none in simulated time.
     pub deadlines: Option<Deadlines>,
 }
 
-/// Record of one control period, for the log.
+/// Record of one control period for the log: measurement, estimates, reference, decision and command.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// Time since the executive began \[s\].
@@ -104,7 +104,7 @@ pub struct Estimates {
     pub state: MachineState<f64>,
     /// Standard deviations of the estimates, in the same units.
     pub deviation: MachineState<f64>,
-    /// Estimated parameters that a later run may start with.
+    /// Estimated parameters with their covariance, with which a later run may start.
     pub parameters: RetainedParameters<f64>,
     /// Innovations of position \[m\] and load pressure \[Pa\].
     pub innovation: [f64; 2],

@@ -14,19 +14,19 @@ use statrs::statistics::{Data, OrderStatistics};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Percentiles {
-    /// Smallest value.
+    /// Smallest value, in the quantity's unit.
     pub least: f64,
-    /// 5th percentile.
+    /// 5th percentile, in the quantity's unit.
     pub p5: f64,
-    /// 25th percentile.
+    /// 25th percentile, in the quantity's unit.
     pub p25: f64,
-    /// Median, the 50th percentile.
+    /// Median, the 50th percentile, in the quantity's unit.
     pub median: f64,
-    /// 75th percentile.
+    /// 75th percentile, in the quantity's unit.
     pub p75: f64,
-    /// 95th percentile.
+    /// 95th percentile, in the quantity's unit.
     pub p95: f64,
-    /// Largest value.
+    /// Largest value, in the quantity's unit.
     pub worst: f64,
 }
 

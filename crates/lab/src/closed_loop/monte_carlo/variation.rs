@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// Random parameter of a family of cranes, uniformly distributed over its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Variation {
-    /// Name with its unit.
+    /// Name of the parameter with its unit.
     pub name: &'static str,
     /// Smallest value, in the unit of the name.
     pub low: f64,
