@@ -14,7 +14,7 @@ pub struct Variable {
     pub unit: String,
     /// Description for the comment of the generated declaration.
     pub meaning: String,
-    /// Initial or default value in this unit.
+    /// Initial or default value, in the unit of the variable.
     pub initial: f64,
 }
 

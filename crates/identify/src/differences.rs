@@ -60,8 +60,8 @@ pub struct Difference {
     pub unresolved: Option<Unresolved>,
 }
 
-/// Sampling interval that is too long for the model's oscillation. It is that of the signal, or of the
-/// model's input, which is unknown between samples.
+/// Sampling interval that is too long for the model's oscillation: fewer than four samples per period. It is the
+/// interval of the signal, or of the model's input, which is unknown between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unresolved {
     /// Sampling interval \[s\].

@@ -22,7 +22,7 @@ pub(crate) const STEPS: u32 = 2;
 
 /// Response of the model in SI units: a row for each sample of an experiment, a column for each of [`COMPARED`]. The
 /// column of a signal that the model does not have is zero: pump sides and accumulator of a valve-controlled crane,
-/// and the motor speed where the experiment has no command of it.
+/// and the motor speed where the experiment has no motor command.
 pub type Prediction = Vec<[f64; COMPARED.len()]>;
 
 /// Number of initial values: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a

@@ -17,7 +17,7 @@ const LANES: usize = 8;
 pub struct Timing {
     /// One step of 50 us of the coupled published model with three segments, f64, one core \[ns\].
     pub step_ns: f64,
-    /// Execution time of the same step with several cranes vectorised, per crane \[ns\].
+    /// Execution time of a step of 50 us of the published model with several cranes vectorised, per crane \[ns\].
     pub lanes_step_ns: f64,
     /// Name of the vector instruction set that was selected at run time.
     pub instruction_set: &'static str,

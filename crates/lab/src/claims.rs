@@ -34,7 +34,7 @@ pub struct Claim {
     pub more_is_better: bool,
     /// Value stated in the paper's abstract and conclusions, in the claim's unit; none for another crane.
     pub paper_stated: Option<f64>,
-    /// Value in the paper's tables, or derived from them, in the claim's unit; none if there is none.
+    /// Value in the paper's tables, or derived from them, in the claim's unit; none if the tables have none.
     pub paper_tables: Option<f64>,
     /// Figures on each plant, without the nominal plant where it would be compared with itself.
     pub plants: Vec<OnPlant>,

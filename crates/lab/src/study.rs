@@ -38,17 +38,20 @@ pub struct Difference {
     pub signal: String,
     /// Unit of all differences.
     pub unit: String,
-    /// RMS difference of the virtual crane in this unit; none without one.
+    /// RMS difference of the virtual crane, in the unit of the field `unit`; none without a virtual crane.
     pub virtual_rms: Option<f64>,
-    /// Peak difference of the virtual crane, with its sign; none without one.
+    /// Peak difference of the virtual crane with its sign, in the unit of the field `unit`; none without a virtual
+    /// crane.
     pub virtual_peak: Option<f64>,
-    /// RMS difference of the off-model plant, in this unit.
+    /// RMS difference of the off-model plant, in the unit of the field `unit`.
     pub off_model_rms: f64,
-    /// Peak difference of the off-model plant in this unit, with its sign.
+    /// Peak difference of the off-model plant with its sign, in the unit of the field `unit`.
     pub off_model_peak: f64,
-    /// RMS difference between the real crane and the paper's simulation, in this unit; none for another crane.
+    /// RMS difference between the real crane and the paper's simulation, in the unit of the field `unit`; none for
+    /// another crane.
     pub paper_rms: Option<f64>,
-    /// Peak difference between the real crane and the paper's simulation; none for another crane.
+    /// Peak difference between the real crane and the paper's simulation, in the unit of the field `unit`; none for
+    /// another crane.
     pub paper_peak: Option<f64>,
 }
 

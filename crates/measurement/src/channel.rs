@@ -1,4 +1,4 @@
-//! Logged channels.
+//! Channels of a log: samples of one quantity over time, as logged.
 
 use crate::error::MeasurementError;
 use crate::heading::Heading;

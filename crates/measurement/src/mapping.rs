@@ -130,8 +130,8 @@ impl Mapping {
         }
     }
 
-    /// Like [`Self::completed`], but leaves out columns whose unit is unknown or of another dimension, and returns
-    /// the reason for each.
+    /// Completes the mapping as [`Self::completed`], but leaves out columns whose unit is unknown or of another
+    /// dimension, and returns the reason for each.
     ///
     /// # Errors
     ///

@@ -246,8 +246,8 @@ impl Signals {
         parts
     }
 
-    /// Interval \[s\] from the latest first sample to the earliest last sample of those of the signals that were
-    /// measured. None if they have no common interval.
+    /// Interval \[s\] in which all measured ones among `signals` have samples: from the latest of their first samples
+    /// to the earliest of their last samples. None if it is empty. A signal that was not measured does not count.
     pub fn overlap(&self, signals: &[Signal]) -> Option<(f64, f64)> {
         let (mut begin, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
         for track in signals.iter().filter_map(|s| self.get(*s)) {

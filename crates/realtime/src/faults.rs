@@ -137,7 +137,7 @@ const WATCHED: f64 = 2.0;
 /// Pilot position, and motor speed \[rev/s\], below which the machine is safe.
 const SAFE: (f64, f64) = (0.05, 0.2);
 
-/// Simulation in simulated time up to the moment of injection. It is the same for every fault and simulated once.
+/// Course simulated up to the moment of injection, from which every fault starts; it is simulated once for all faults.
 pub struct Underway {
     run: Lockstep,
     operator: Operator,

@@ -1,4 +1,4 @@
-//! Rule for whether logs determine a key.
+//! Practical identifiability: rule for whether logs determine a key.
 //!
 //! A key is determined if all of these conditions hold. The first one that fails is the reason why it is not:
 //!

@@ -113,7 +113,8 @@ pub struct Channel {
     pub value: f64,
     /// Posterior standard deviation in the unit of [`Allowed::unit`].
     pub deviation: f64,
-    /// Key that is most correlated with it, and the posterior correlation coefficient \[-\].
+    /// Key that is most correlated with the delay or offset, and the posterior correlation coefficient \[-\]; none
+    /// without a free key.
     pub partner: Option<(String, f64)>,
 }
 

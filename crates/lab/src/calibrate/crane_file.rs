@@ -19,7 +19,7 @@ pub struct Reached {
     pub name: String,
     /// Number of the table in the paper.
     pub table: &'static str,
-    /// Value printed in that table, measured on the real crane, in the unit of the name.
+    /// Published value, measured on the real crane, in the unit of the name.
     pub published: f64,
     /// Value of the virtual crane, in the unit of the name.
     pub reached: f64,
@@ -43,11 +43,11 @@ pub struct Calibrated {
     /// Standard deviation as a share of the range \[-\]; near or above 0.3 the published results do not determine the
     /// parameter.
     pub deviation: f64,
-    /// Whether the published results determine it: the standard deviation is below a tenth of its range.
+    /// Whether the published results determine the parameter: its standard deviation is below a tenth of its range.
     pub determined: bool,
     /// Parameter of the strongest correlation, as `section.key`.
     pub partner: &'static str,
-    /// Correlation coefficient with that parameter \[-\], −1 to 1.
+    /// Correlation coefficient with the most correlated parameter \[-\], −1 to 1.
     pub correlation: f64,
 }
 

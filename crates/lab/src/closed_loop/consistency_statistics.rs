@@ -120,14 +120,14 @@ pub struct InnovationSummary {
     pub within_percent: f64,
     /// Share of windows \[%\] whose mean NIS is within the 95 % band of white innovations.
     pub within_chi_square_percent: f64,
-    /// Lower and upper limit of that band \[-\]: quantiles of χ² with the window's number of samples as degrees of
-    /// freedom, over that number.
+    /// Lower and upper limit of the 95 % band of a window's mean NIS \[-\]: quantiles of χ² with the window's number
+    /// of samples as degrees of freedom, over that number.
     pub chi_square_band: [f64; 2],
     /// Median over the runs of the largest magnitude of the autocorrelation \[-\].
     pub median_autocorrelation: f64,
     /// Autocorrelation of largest magnitude in all runs, with its sign \[-\].
     pub largest_autocorrelation: f64,
-    /// Lag of that autocorrelation \[samples\].
+    /// Lag of the autocorrelation of largest magnitude \[samples\].
     pub largest_at_lag: usize,
 }
 

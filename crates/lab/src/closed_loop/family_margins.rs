@@ -18,7 +18,7 @@ pub struct MemberMargins {
     pub crane: u64,
     /// Piston position \[mm\].
     pub stroke_mm: f64,
-    /// Gain, phase and modulus margin at this position.
+    /// Gain, phase and modulus margin at this piston position.
     pub margins: Margins,
 }
 

@@ -140,7 +140,7 @@ pub(crate) struct Subject<'a> {
     pub crane: &'a Description,
     /// Model identified from a log; if none, the model is identified from the closed-loop cycle.
     pub identified: Option<&'a Description>,
-    /// Payload of that model; none if it was not identified.
+    /// Payload of the model identified from a log; none if it was not identified.
     pub payload: Option<IdentifiedPayload>,
 }
 

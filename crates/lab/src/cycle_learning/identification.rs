@@ -51,7 +51,7 @@ const NAMED: usize = 3;
 pub(crate) struct Identification {
     /// Identified model: with friction that holds at rest, the identified drive, and the initial pressures of the log.
     pub model: Description,
-    /// Judgement of the model by the log: position, pressures, frequency and damping against their limits.
+    /// Validity of the model: position, pressures, frequency and damping of the log against their limits.
     pub judged: Vec<Judgement>,
     /// Reason why the log hardly belongs to the crane of the file; none if the keys agree with the prior.
     pub improbable: Option<String>,

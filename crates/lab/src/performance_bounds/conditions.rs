@@ -12,7 +12,7 @@ use serde::Serialize;
 pub struct Condition {
     /// Name of the quantity.
     pub name: &'static str,
-    /// Value in this unit.
+    /// Value of the quantity, in the unit of the field `unit`.
     pub value: f64,
     /// Unit of the value, as text.
     pub unit: &'static str,
