@@ -13,8 +13,9 @@ use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Signals in which log and model are compared: piston position \[m\], the pump's side A, chambers A and B, the pump's
-/// side B and the accumulator \[Pa\], and the motor speed \[rev/s\] as the drive's response to its command.
+/// Signals in which log and model are compared. They are the piston position \[m\] and the pressures \[Pa\] of the
+/// pump's side A, chambers A and B, the pump's side B and the accumulator. The last one is the motor speed \[rev/s\],
+/// as the drive's response to its command.
 pub const COMPARED: [Signal; CRANE + 1] = {
     let [stroke, pump_a, a, b, pump_b, accumulator] = Signal::COMPARED;
     [stroke, pump_a, a, b, pump_b, accumulator, Signal::MotorSpeed]

@@ -33,8 +33,8 @@ pub struct Bounds {
     pub motor: (f64, f64),
 }
 
-/// Bounds of a trial on a crane. `model` is the crane that the controller was designed for, `undisturbed` the outcome
-/// of the trial without disturbance, and `outcome` that of the trial, whose fault decides how it may stop.
+/// Bounds of a trial on a crane. `model` is the crane that the controller was designed for. `undisturbed` is the
+/// outcome of the trial without disturbance. `outcome` is that of the trial, whose fault decides how it may stop.
 ///
 /// # Errors
 ///

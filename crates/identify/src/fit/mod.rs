@@ -286,9 +286,9 @@ impl<'a> Task<'a> {
 /// Output-error estimate of the free keys θ of a model from logs, maximum a posteriori, by the Levenberg-Marquardt
 /// method.
 ///
-/// It minimises Σ ρ((log − model)/σ) + Σ ((ln θ − ln θ_0)/s)², with Huber's loss ρ, the standard deviation σ of sensor
-/// noise and model error, and the prior standard deviation s of ln θ. `go_on` is called after each cost evaluation,
-/// and stops the fit if it returns false. Source: Ljung, *System Identification*, 2nd ed. 1999, chapter 7.
+/// It minimises Σ ρ((log − model)/σ) + Σ ((ln θ − ln θ_0)/s)² with Huber's loss ρ. σ is the standard deviation of
+/// sensor noise and model error, and s the prior standard deviation of ln θ. `go_on` is called after each cost
+/// evaluation, and stops the fit if it returns false. Source: Ljung, *System Identification*, 2nd ed. 1999, chapter 7.
 ///
 /// # Errors
 ///
