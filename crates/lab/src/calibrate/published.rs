@@ -19,7 +19,7 @@ pub struct Published {
     pub table: &'static str,
     /// Published value in the unit of the name.
     pub value: f64,
-    /// Tolerance of the calibration as a share of the value \[-\] (estimate).
+    /// Tolerance of the calibration as a share of the published value \[-\].
     pub tolerance: f64,
 }
 

@@ -60,8 +60,8 @@ impl ControllerChoice {
         })
     }
 
-    /// Whether its closed loops on a crane are stable: all eigenvalues of the linearised loop, at several piston
-    /// positions. None for baselines other than a retuned benchmark, and if a loop cannot be computed.
+    /// Whether its closed loops on a crane, linearised at positions over the stroke, are stable. None for baselines
+    /// other than a retuned benchmark, and if a loop cannot be computed.
     pub fn has_stable_loops(self, model: &Description, crane: &Description) -> Option<bool> {
         match self {
             Self::Strategy(strategy) => {

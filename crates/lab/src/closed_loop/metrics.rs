@@ -28,7 +28,7 @@ pub struct Effort {
     /// Motor energy \[kJ\]: positive part of the motor's shaft power, torque times speed, integrated over the whole
     /// course, rests included. Recovered energy is not credited.
     pub energy_kj: f64,
-    /// Largest magnitude of the tip's elastic deflection \[mm\].
+    /// Largest distance of the tip from the straight continuation of the first segment \[mm\].
     pub tip_deflection_mm: f64,
     /// RMS vibration of the tip's deflection, without its slow part, while the reference is at rest \[mm\], from the
     /// first motion on.

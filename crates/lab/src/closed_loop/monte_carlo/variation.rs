@@ -22,7 +22,7 @@ const fn vary(name: &'static str, low: f64, high: f64) -> Variation {
     Variation { name, low, high }
 }
 
-/// All random parameters of a family, in the order in which they are drawn. The ranges are estimates.
+/// All random parameters of a family, in the order in which they are drawn, each uniformly distributed over its range.
 pub const VARIATIONS: [Variation; 10] = [
     vary("payload [% of the nominal]", 0.0, 120.0),
     vary("oil temperature [C]", 10.0, 60.0),
