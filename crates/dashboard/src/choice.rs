@@ -4,7 +4,7 @@ use hydroboom_control::strategy::Strategy;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 
-/// A reference motion that an operator can start.
+/// Reference motion of the piston that an operator can start.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Course {
     /// Out and back at constant speed, as in the paper's tests.
@@ -19,7 +19,7 @@ pub enum Course {
     },
 }
 
-/// The selected strategy and course.
+/// Control strategy and course that the operator has selected.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
     /// Control strategy that computes the motor speed.

@@ -7,7 +7,7 @@ use hydroboom_realtime::fault::Fault;
 use serde::Deserialize;
 use std::time::Instant;
 
-/// Request to the session. Requests to the control task (stop, reset, strategy) go to the `Desk` instead.
+/// Request of a viewer to the session. Requests to the control task (stop, reset, strategy) go to the `Desk` instead.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Demand {
     /// Run a course.

@@ -49,7 +49,7 @@ pub enum DashboardError {
     Thread(std::io::Error),
 }
 
-/// The web page of a run: it shows the run to viewers and takes their commands.
+/// Web page of a run, with charts, drawing and controls; it takes the commands of its viewers.
 pub struct Dashboard {
     state: Arc<ServerState>,
     demands: Receiver<Demand>,
@@ -57,8 +57,8 @@ pub struct Dashboard {
 }
 
 impl Dashboard {
-    /// Starts the server, which runs until the program ends. An address that other computers can reach is
-    /// refused unless `allow_remote` is true.
+    /// Starts the web server, which runs until the program ends. An address that other computers can reach is refused
+    /// unless `allow_remote` is true.
     ///
     /// # Errors
     ///
@@ -113,22 +113,22 @@ impl Dashboard {
         Ok(Self { state, demands, address })
     }
 
-    /// Address of the page, including the token.
+    /// Address of the page as a URL, including the access token.
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// Adds a record of the control task to the charts.
+    /// Adds the record of a control period to the charts.
     pub fn see(&mut self, record: &Record) {
         self.feed().see(record);
     }
 
-    /// The requests received since the last call.
+    /// Requests of the viewers since the last call, oldest first.
     pub fn demands(&mut self) -> Vec<Demand> {
         self.demands.try_iter().collect()
     }
 
-    /// Shows a notice to all viewers.
+    /// Shows a notice, as plain text, to all viewers.
     pub fn say(&mut self, text: &str) {
         self.feed().say(text);
     }

@@ -8,7 +8,7 @@ use hydroboom_realtime::fault::Fault;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 
-/// Configuration of a dashboard.
+/// Data of a dashboard that are constant during a run.
 pub struct Setup<'a> {
     /// Description of the crane, for its geometry.
     pub model: &'a Description,
@@ -16,11 +16,11 @@ pub struct Setup<'a> {
     pub scenarios: Vec<String>,
     /// Allowed speeds of an out-and-back motion \[mm/s\].
     pub speeds_mm_s: RangeInclusive<f64>,
-    /// Initial selection.
+    /// Strategy and course that are selected at first.
     pub first: Choice,
     /// Whether the crane is virtual, so that faults may be injected.
     pub is_virtual: bool,
-    /// Whether the run is paced by the clock.
+    /// Whether the run is in real time; otherwise simulated time may run faster.
     pub in_real_time: bool,
 }
 

@@ -5,20 +5,20 @@ use hydroboom_description::Description;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// A named quantity of a block.
+/// Named quantity of a block: parameter, input, state or output.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
     /// Name in snake case; for a parameter the crane file's key, with its unit.
     pub name: String,
-    /// Unit.
+    /// Unit as text, as `Pa`; `0/1` for a Boolean quantity, `code` for a status, empty or `1` for a dimensionless one.
     pub unit: String,
-    /// Meaning.
+    /// Description for the comment of the generated declaration.
     pub meaning: String,
-    /// Initial value in this unit.
+    /// Initial or default value, in the unit of the variable.
     pub initial: f64,
 }
 
-/// Destination of a result.
+/// Destination of a result that an entry computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// Next value of the state with this index.
@@ -30,20 +30,20 @@ pub enum Target {
 /// A function of a block: results that are computed in one call.
 #[derive(Clone, Debug)]
 pub struct Entry {
-    /// Name in snake case.
+    /// Name in snake case, which becomes the end of the function's name.
     pub name: String,
     /// Description for the generated comment.
     pub meaning: String,
-    /// Results with their destinations.
+    /// Results: destination, and the node of the graph that gives its value.
     pub results: Vec<(Target, Node)>,
 }
 
-/// Control period of a block with a fixed step.
+/// Control period of a block that is called at a fixed rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlPeriod {
-    /// Length \[s\].
+    /// Control period \[s\].
     pub length: f64,
-    /// Simulation steps in a control period; 0 for a block without a simulated crane.
+    /// Integration steps of the simulated crane in a control period; 0 for a block without a simulated crane.
     pub steps: u32,
 }
 
@@ -56,26 +56,27 @@ impl ControlPeriod {
     }
 }
 
-/// A block with states, as generated for every target language.
+/// A recorded function block with parameters, inputs, states and outputs, from which every target language is
+/// generated. It is a discrete-time system: each entry computes outputs and next states from inputs and states.
 #[derive(Clone, Debug)]
 pub struct Block {
-    /// Name in snake case.
+    /// Name in snake case, from which the names of the generated types and functions are formed.
     pub name: String,
     /// Description for the generated comment.
     pub meaning: String,
-    /// Recorded operations.
+    /// Graph of the recorded operations.
     pub graph: Rc<Graph>,
-    /// Parameters, constant during operation, with their nodes.
+    /// Parameters, constant during operation, with the nodes of their values.
     pub parameters: Vec<(Variable, Node)>,
-    /// Inputs of each call, with their nodes.
+    /// Inputs of each call, with the nodes of their values.
     pub inputs: Vec<(Variable, Node)>,
-    /// States, with the nodes of their current values.
+    /// States, which are kept from call to call, with the nodes of their current values.
     pub states: Vec<(Variable, Node)>,
-    /// Outputs.
+    /// Outputs, to which [`Target::Output`] refers by index.
     pub outputs: Vec<Variable>,
-    /// Functions of the block.
+    /// Entries, each a function of the generated code.
     pub entries: Vec<Entry>,
-    /// Control period; `None` for a block whose step is an input.
+    /// Control period; none for a block whose integration step is an input.
     pub period: Option<ControlPeriod>,
     /// Names of intermediate results, with a comment: the quantity and its equation.
     pub labels: HashMap<Node, (String, String)>,

@@ -20,7 +20,7 @@ use block::printed;
 use dialect::RESERVED;
 use elementary_functions::helpers;
 
-/// Floating-point type of the generated code.
+/// Floating-point type of the generated C code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// `double`: equal to Rust to the last bit.
@@ -32,18 +32,44 @@ pub enum Precision {
 /// Largest line width.
 const WIDTH: usize = 110;
 
-/// A header and a source.
+/// Generated C99 source: a header and a source file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Files {
-    /// `<name>.h`
+    /// Text of `<name>.h`: types and declarations.
     pub header: String,
-    /// `<name>.c`
+    /// Text of `<name>.c`: definitions.
     pub source: String,
     /// Names of the functions that the header declares.
     pub functions: Vec<String>,
 }
 
-/// Generates header and source of this name for some blocks, with the usual prefix.
+/// Generates C99 header and source of some blocks. All exported names begin with the default prefix `hb_`; `name` is
+/// that of the files, without extension.
+///
+/// ```
+/// use hydroboom_export::{Block, Entry, Expression, Target, Variable, c, record};
+/// let metres = |name: &str| Variable { name: name.into(), unit: "m".into(), meaning: "Length".into(), initial: 0.0 };
+/// let (graph, [x, y]) = record(|| {
+///     let x = Expression::input();
+///     [x.node(), (x + x).node()]
+/// });
+/// let results = vec![(Target::Output(0), y)];
+/// let block = Block {
+///     name: "doubling".into(),
+///     meaning: "Twice the input".into(),
+///     graph: graph.into(),
+///     parameters: Vec::new(),
+///     inputs: vec![(metres("x"), x)],
+///     states: Vec::new(),
+///     outputs: vec![metres("y")],
+///     entries: vec![Entry { name: "step".into(), meaning: "one call".into(), results }],
+///     period: None,
+///     labels: Default::default(),
+/// };
+/// let generated = c::files(&[block], "doubling", c::Precision::Double)?;
+/// assert!(generated.source.contains("hb_doubling_step"));
+/// # Ok::<(), hydroboom_export::ExportError>(())
+/// ```
 ///
 /// # Errors
 ///
@@ -52,7 +78,7 @@ pub fn files(blocks: &[Block], name: &str, precision: Precision) -> Result<Files
     prefixed_files(blocks, name, precision, &Prefix::default())
 }
 
-/// Like [`files`], with another prefix.
+/// Generates C99 header and source as [`files`], with another prefix `own` of all exported names.
 ///
 /// # Errors
 ///

@@ -94,8 +94,9 @@ fn results(states: &[E], first: usize, outputs: &[E]) -> Vec<(Target, Node)> {
     states.chain(outputs).collect()
 }
 
-/// The benchmark controller within the frame. Its gains are parameters; limits, release and all other values derived
-/// from the crane are constants of the code.
+/// Block of the benchmark controller (PI with velocity feedforward and pressure feedback) within the frame that holds
+/// and releases the load. Its gains are parameters; limits, release and all other values derived from the crane are
+/// constants of the code.
 ///
 /// # Errors
 ///
@@ -154,7 +155,8 @@ fn placed(names: &[&str], before: &str, unit: &str, meaning: &str) -> Vec<(Varia
     all
 }
 
-/// The scheduled LQR with its state estimator within the frame. Its inputs include the preview of the reference.
+/// Block of the scheduled LQR with its state estimator within the frame that holds and releases the load. Its inputs
+/// include the preview of the reference.
 ///
 /// # Errors
 ///
@@ -240,13 +242,13 @@ pub fn scheduled_lqr_controller(description: &Description) -> Result<Block, Expo
 pub(crate) struct RecordedPeriod {
     /// Inputs besides those of the simulated crane.
     pub inputs: Vec<(Variable, E)>,
-    /// States.
+    /// States of frame, controller and alignment, with their expressions.
     pub states: Vec<(Variable, E)>,
-    /// Index of the simulated motor speed among them.
+    /// Index of the simulated crane's motor speed \[rev/s\] among the states.
     pub motor: usize,
-    /// Next values of the states.
+    /// Expressions of the states after the control period, in their order.
     pub next: Vec<E>,
-    /// Outputs.
+    /// Expressions of the outputs of the frame.
     pub outputs: Vec<E>,
 }
 
@@ -287,8 +289,8 @@ pub(crate) fn simulating_period(
     Ok(RecordedPeriod { inputs, states, motor, next: kept, outputs: output.to_array().to_vec() })
 }
 
-/// The simulation feedforward within the frame, for a simulated crane in a separate block: that crane's outputs are
-/// inputs, its motor speed is an output.
+/// Block of the benchmark controller with simulation feedforward within the frame, for a simulated crane in a separate
+/// block: the outputs of that crane are inputs, its motor speed \[rev/s\] is an output.
 ///
 /// # Errors
 ///

@@ -1,30 +1,40 @@
-//! Operation counts of generated code.
+//! Number of operations of generated code.
 
 use crate::graph::{Graph, Node, Op};
 
-/// Number of operations, by kind.
+/// Number of floating-point operations by kind; an operation in a loop counts once for each row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Sums, differences and negations.
+    /// Number of sums, differences and negations.
     pub sums: usize,
-    /// Products.
+    /// Number of products of two numbers.
     pub products: usize,
-    /// Fused multiply-adds.
+    /// Number of fused multiply-adds.
     pub fused: usize,
-    /// Quotients.
+    /// Number of divisions.
     pub quotients: usize,
-    /// Square roots.
+    /// Number of square roots.
     pub roots: usize,
     /// Exponentials, logarithms, hyperbolic tangents; a sine and cosine count as one.
     pub functions: usize,
-    /// Comparisons.
+    /// Number of comparisons of two numbers.
     pub comparisons: usize,
-    /// Selections between two numbers.
+    /// Selections of one of two numbers by a condition.
     pub choices: usize,
 }
 
 impl Count {
-    /// Operations of some nodes of a graph.
+    /// Counts the operations of some nodes of a graph.
+    ///
+    /// ```
+    /// use hydroboom_export::{Count, Expression, record};
+    /// let (graph, _) = record(|| {
+    ///     let x = Expression::input();
+    ///     x * x + x
+    /// });
+    /// let nodes: Vec<_> = graph.nodes().collect();
+    /// assert_eq!(Count::of(&graph, &nodes).flops(), 2);
+    /// ```
     pub fn of(graph: &Graph, nodes: &[Node]) -> Self {
         let mut count = Self::default();
         for node in nodes {
@@ -47,7 +57,8 @@ impl Count {
         count
     }
 
-    /// Floating-point operations by the usual convention: a fused multiply-add is two, a function one.
+    /// Floating-point operations \[flop\] by the usual convention: a fused multiply-add counts two, a function one.
+    /// Comparisons and selections do not count.
     pub fn flops(&self) -> usize {
         self.sums + self.products + 2 * self.fused + self.quotients + self.roots + self.functions
     }

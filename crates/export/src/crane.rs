@@ -1,4 +1,4 @@
-//! The crane as blocks: as a whole, and divided in two as in the paper.
+//! Crane model as blocks: as a whole, and divided into hydraulics and boom as in the paper.
 
 use crate::block::{Block, Entry, Target, Variable};
 use crate::error::ExportError;
@@ -223,7 +223,8 @@ fn shown() -> Vec<Variable> {
     all.map(shown).collect()
 }
 
-/// The whole crane as a block: a step of the published scheme, the outputs, and the Newton step to equilibrium.
+/// Block of the whole crane model: an integration step of the published scheme, the outputs, and a Newton step to the
+/// equilibrium.
 ///
 /// # Errors
 ///
@@ -264,8 +265,9 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     })
 }
 
-/// The crane in two blocks as in the paper, hydraulics and boom. Piston position, velocity and force are exchanged
-/// once a step, with their values at its beginning, so that both together give the whole crane's step.
+/// Crane model as two blocks as in the paper, hydraulics and boom. Piston position \[m\], velocity \[m/s\] and force
+/// \[N\] are exchanged once a step, with their values at its beginning, so that both together give the whole crane's
+/// step.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! The number type that records the operations on it.
+//! Expression: number type that records the operations on it in a graph.
 
 use crate::graph::{Graph, Node, Op};
 use crate::name::plain;
@@ -20,21 +20,21 @@ fn push(op: Op) -> Node {
     GRAPH.with_borrow_mut(|graph| graph.push(op))
 }
 
-/// A number of the recorded graph; valid only within its [`record`].
+/// Number whose operations are recorded in a graph; valid only within its [`record`].
 #[derive(Clone, Copy, Debug)]
 pub struct Expression(pub(crate) Node);
 
-/// A condition of the recorded graph.
+/// Condition, as the comparison of two expressions, recorded in a graph.
 #[derive(Clone, Copy, Debug)]
 pub struct Condition(Node);
 
 impl Expression {
-    /// A new input of the graph.
+    /// New input of the graph that is being recorded.
     pub fn input() -> Self {
         Self(GRAPH.with_borrow_mut(Graph::input))
     }
 
-    /// Node of the number.
+    /// Node of the number in the recorded graph.
     pub fn node(self) -> Node {
         self.0
     }
@@ -149,7 +149,8 @@ impl Real for Expression {
     }
 }
 
-/// Largest operation count of a loop, over all rows, for which it is unrolled.
+/// Largest number of operations of a loop, over all its rows, up to which the loop is unrolled. Larger loops are
+/// generated as loops.
 pub const MAX_UNROLLED_OPERATIONS: usize = 100;
 
 /// Name of the source file that a loop is recorded from, for naming its generated function.

@@ -3,11 +3,11 @@
 use hydroboom_math::Real;
 use std::collections::HashMap;
 
-/// A number or condition of a graph.
+/// Vertex of the graph: the number or condition that an operation gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Node(pub(crate) u32);
 
-/// An operation.
+/// Operation of the graph, with its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {
     /// A constant, by its bits.
@@ -80,24 +80,24 @@ pub enum Op {
     Made(Node, u32, u32),
 }
 
-/// A loop over the rows of some tables.
+/// Loop over the rows of tables, with states that are carried from row to row.
 #[derive(Clone, Debug)]
 pub struct Repetition {
-    /// Name of the source file that it was recorded from.
+    /// Name of the Rust source file that it was recorded from, for the name of its function.
     pub origin: String,
-    /// Number of rows.
+    /// Number of rows, over which the loop runs.
     pub count: u32,
-    /// Condition for executing the loop.
+    /// Condition under which the loop is executed; none if it always is.
     pub condition: Option<Node>,
-    /// The enclosing loop.
+    /// Index of the enclosing loop; none for an outermost one.
     pub within: Option<u32>,
-    /// Tables that it reads, each with `count` entries.
+    /// Tables that the loop reads, each with `count` entries.
     pub read: Vec<Node>,
-    /// Initial values of the states.
+    /// Values of the carried states before the first row.
     pub begin: Vec<Node>,
-    /// Values of the states after a row.
+    /// Values of the carried states after a row.
     pub next: Vec<Node>,
-    /// Outputs of a row.
+    /// Nodes of the outputs of a row.
     pub made: Vec<Node>,
 }
 
@@ -137,13 +137,13 @@ impl Op {
         [a, b, c].into_iter().flatten()
     }
 
-    /// Whether the result is a condition.
+    /// Whether the result is a condition and not a number.
     pub fn is_condition(self) -> bool {
         matches!(self, Op::Less(..) | Op::And(..) | Op::Or(..) | Op::Not(_) | Op::Truth(_))
     }
 }
 
-/// Operations in topological order.
+/// Directed acyclic graph of recorded operations, in topological order.
 ///
 /// Equal operations share a node. Operations on constants are evaluated by the functions that `f64` uses, and
 /// operations without effect on any bit (a product with one) are removed. Operands of sums and products are sorted,
@@ -164,12 +164,12 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// The operation of a node.
+    /// Operation of a node of this graph.
     pub fn op(&self, node: Node) -> Op {
         self.ops[node.0 as usize]
     }
 
-    /// Nodes that a node needs: its operands; in and after a loop, also the results of the loop's rows.
+    /// Nodes on which a node depends directly: its operands; in and after a loop, also the results of the loop's rows.
     pub fn operands(&self, node: Node) -> Vec<Node> {
         let carried = |of: &Repetition, k: u32| {
             let k = k as usize;
@@ -198,22 +198,22 @@ impl Graph {
         self.repetition(number)
     }
 
-    /// The entries of a table.
+    /// Entries of the table with this index.
     pub fn table(&self, number: u32) -> &[Node] {
         &self.tables[number as usize]
     }
 
-    /// A loop.
+    /// Loop with this index.
     pub fn repetition(&self, number: u32) -> &Repetition {
         &self.loops[number as usize]
     }
 
-    /// The innermost loop on whose row a node depends; `None` for a loop-invariant node.
+    /// Index of the innermost loop on whose row a node depends; none for a loop-invariant node.
     pub fn scope(&self, node: Node) -> Option<u32> {
         self.scopes[node.0 as usize]
     }
 
-    /// Number of executions of a node.
+    /// Number of executions of a node in one evaluation: the product of the rows of all loops around it.
     pub fn repeats(&self, node: Node) -> usize {
         let mut count = 1;
         let mut scope = self.scope(node);
@@ -253,7 +253,7 @@ impl Graph {
         self.ops.len()
     }
 
-    /// Whether the graph is empty.
+    /// Whether the graph has no nodes.
     pub fn is_empty(&self) -> bool {
         self.ops.is_empty()
     }
@@ -263,7 +263,7 @@ impl Graph {
         (0..self.ops.len() as u32).map(Node)
     }
 
-    /// The value of a constant.
+    /// Value of a constant; none for any other node.
     pub fn constant(&self, node: Node) -> Option<f64> {
         match self.op(node) {
             Op::Constant(bits) => Some(f64::from_bits(bits)),

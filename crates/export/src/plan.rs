@@ -5,25 +5,25 @@ use crate::error::ExportError;
 use crate::graph::{Node, Op};
 use std::collections::{HashMap, HashSet};
 
-/// The order of computation of a block.
+/// Order of computation of a block: values that follow from the parameters, computed once, and values of each call.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Indices of the parameters in use.
+    /// Indices of the parameters on which a result depends.
     pub parameters: Vec<usize>,
-    /// Nodes that depend on parameters only, in topological order.
+    /// Nodes that depend on parameters only, in topological order: computed when parameters change.
     pub preparing: Vec<Node>,
-    /// Those of them that the entries need.
+    /// Those nodes of `preparing`, and parameters, that the entries need: the values to be stored.
     pub prepared: Vec<Node>,
-    /// For each entry the nodes to be computed, in topological order.
+    /// For each entry the nodes to be computed in a call, in topological order.
     pub entries: Vec<Vec<Node>>,
 }
 
 impl Plan {
-    /// Determines the order of a block.
+    /// Order of computation of a block.
     ///
     /// # Errors
     ///
-    /// [`ExportError::Foreign`] if a result depends on a quantity outside the block.
+    /// [`ExportError::Foreign`] if a result depends on a quantity that is no input, state or parameter of the block.
     pub fn of(block: &Block) -> Result<Self, ExportError> {
         let graph = &block.graph;
         let given: HashSet<Node> =

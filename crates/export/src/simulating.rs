@@ -19,9 +19,9 @@ use std::rc::Rc;
 
 type E = Expression;
 
-/// The benchmark controller with simulation feedforward (section 4, figure 15) within the frame that holds and
-/// releases the load, together with the simulated crane. The benchmark's gains are parameters; the simulated crane is
-/// constant, as described.
+/// Block of the benchmark controller with simulation feedforward (paper, section 4, figure 15) within the frame that
+/// holds and releases the load, together with the simulated crane. The benchmark's gains are parameters; the simulated
+/// crane is constant, as described.
 ///
 /// # Errors
 ///

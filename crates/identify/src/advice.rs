@@ -2,7 +2,9 @@
 
 use crate::free::Free;
 
-/// Description of the experiment that determines a key best.
+/// Description of the experiment that determines a key best, as plain text for a report. It depends on the key's
+/// section of the crane file: friction, boom, payload, oil, pump, valve and so on. The advice is engineering
+/// judgement, and no computed optimal design.
 pub fn experiment_for(key: Free) -> &'static str {
     let path = key.path();
     let (section, name) = path.split_once('.').unwrap_or((&path, ""));

@@ -8,57 +8,60 @@ use crate::ringing::{Ringing, ringing};
 use crate::whiteness::{Whiteness, whiteness};
 use hydroboom_measurement::Signal;
 
-/// Difference of a signal, log minus model, in SI units.
+/// Statistics of the difference log − model of one signal, over the samples in which the log has a value. Without a
+/// unit of its own, a field is in the signal's SI unit: m, Pa or rev/s.
 #[derive(Clone, Debug)]
 pub struct Difference {
     /// Compared signal.
     pub signal: Signal,
-    /// Number of compared samples.
+    /// Number of compared samples \[-\].
     pub count: usize,
-    /// Root mean square.
+    /// Root mean square of the difference \[SI unit of the signal\].
     pub rms: f64,
-    /// Difference of largest magnitude, with its sign.
+    /// Difference of largest magnitude, with its sign \[SI unit of the signal\].
     pub peak: f64,
-    /// Mean.
+    /// Mean difference \[SI unit of the signal\]; positive if the log is above the model.
     pub bias: f64,
-    /// Correlation of log and model; none if one of them is constant.
+    /// Pearson correlation coefficient of log and model \[-\], −1 to 1; none if one of them is constant.
     pub correlation: Option<f64>,
     /// Fit 100 (1 − ‖log − model‖ / ‖log − mean of log‖) \[%\]; none if the log is constant.
     pub fit: Option<f64>,
-    /// Delay of the log relative to the model, from the best agreement of their slopes \[s\]; none without
-    /// motion.
+    /// Delay of the log relative to the model \[s\], within ±0.1 s, from the best agreement of their slopes; positive
+    /// if the log is late, none without motion.
     pub delay: Option<f64>,
-    /// RMS after removal of the delay: much smaller if a delay is the cause.
+    /// RMS difference after removal of the delay \[SI unit of the signal\]: much smaller than `rms` if a delay is the
+    /// cause.
     pub rms_without_delay: Option<f64>,
     /// Delay over the first and the second half \[s\], which shows a clock drift.
     pub delay_halves: Option<[f64; 2]>,
     /// Relative rate error of the log's clock that explains the growth of the delay \[s/s\].
     pub drift: Option<f64>,
-    /// RMS after removal of delay and clock drift: much smaller if a clock drift is the cause.
+    /// RMS difference after removal of delay and clock drift \[SI unit of the signal\]: much smaller if a clock drift
+    /// is the cause.
     pub rms_without_drift: Option<f64>,
-    /// Decaying oscillation of the log.
+    /// Frequency and damping of the log's decaying oscillation; none without a prominent spectral peak.
     pub ringing: Option<Ringing>,
-    /// Decaying oscillation of the model.
+    /// Frequency and damping of the model's decaying oscillation; none without a prominent spectral peak.
     pub model_ringing: Option<Ringing>,
-    /// Share of the difference's autocorrelations, up to a lag of one second, that exceed the 95 % bound of
-    /// white noise: 0.05 for white residuals.
+    /// Share of the difference's autocorrelations, up to a lag of one second, that exceed the 95 % bound of white
+    /// noise \[-\]: 0.05 for white residuals.
     pub coloured: f64,
     /// Whether the difference is white by the portmanteau test of Ljung and Box at 5 %, over the same lags.
     pub is_white: bool,
-    /// Decomposition into offset, drift, scale and delay.
+    /// Decomposition of the difference into offset, drift, scale and delay; none if there are too few samples.
     pub parts: Option<Explained>,
-    /// Range of the log, maximum minus minimum.
+    /// Range of the log, maximum minus minimum \[SI unit of the signal\].
     pub span: f64,
-    /// Largest magnitude in the log.
+    /// Largest magnitude in the log \[SI unit of the signal\].
     pub largest: f64,
-    /// Standard deviation of the sensor noise, estimated from the log's samples.
+    /// Standard deviation of the sensor noise, estimated from the log's samples \[SI unit of the signal\].
     pub noise: f64,
-    /// Set if the log's sampling interval is too long to judge the model.
+    /// The sampling interval, if it is too long to judge the model's oscillation; none if it is short enough.
     pub unresolved: Option<Unresolved>,
 }
 
-/// Sampling interval that is too long for the model's oscillation. It is that of the signal, or of the
-/// model's input, which is unknown between samples.
+/// Sampling interval that is too long for the model's oscillation: fewer than four samples per period. It is the
+/// interval of the signal, or of the model's input, which is unknown between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unresolved {
     /// Sampling interval \[s\].
@@ -68,17 +71,18 @@ pub struct Unresolved {
 }
 
 impl Difference {
-    /// Whether removal of a growing delay, which is a clock drift, explains most of the difference.
+    /// Whether a clock drift, that is a linearly growing delay, explains most of the difference: the RMS without it is
+    /// below the share [`Limits::most`](crate::Limits::most) of the RMS with and without a constant delay.
     pub fn is_of_clock(&self) -> bool {
         let drifts = self.rms_without_drift.zip(self.rms_without_delay);
         drifts.is_some_and(|(drift, delay)| drift < LIMITS.most * self.rms.min(delay))
     }
 
-    /// Whether removal of the delay explains most of the difference, and the delay exceeds the effect of
-    /// steps and sampling.
+    /// Whether a constant delay explains most of the difference: the RMS without it is below the share
+    /// [`Limits::most`](crate::Limits::most). The delay also exceeds
+    /// [`Limits::shortest_delay`](crate::Limits::shortest_delay), which steps and sampling explain.
     ///
-    /// A position that is delayed equally in both directions indicates a delayed sensor; a lag belongs to
-    /// the crane.
+    /// A position that is delayed equally in both directions indicates a delayed sensor; a lag belongs to the crane.
     pub fn is_late(&self) -> bool {
         let moved = self.delay.zip(self.rms_without_delay);
         !self.is_of_clock()
@@ -88,7 +92,7 @@ impl Difference {
     }
 }
 
-/// Differences of all measured signals.
+/// Differences of all measured signals of one log, one entry a signal.
 pub type Differences = Vec<Difference>;
 
 /// Largest delay of the search \[s\].
@@ -96,7 +100,9 @@ const LONGEST_DELAY: f64 = 0.1;
 /// Samples per period that an oscillation needs.
 const PER_PERIOD: f64 = 4.0;
 
-/// Differences between log and model for all measured signals of the crane.
+/// Statistics of the differences log − model, one entry for each signal of the crane that the log measures. The motor
+/// speed is excluded. `prediction` must have one row for each sample of the experiment, as from
+/// [`predict`](crate::predict).
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
     let interval = experiment.interval();
     let is_free = free(experiment, interval);

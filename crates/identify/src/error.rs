@@ -4,7 +4,7 @@ use hydroboom_description::BuildError;
 use hydroboom_measurement::MeasurementError;
 use thiserror::Error;
 
-/// Reason why a model and a log cannot be compared.
+/// Reason why a model and a log cannot be compared, or a fit cannot be made.
 #[derive(Debug, Error)]
 pub enum IdentifyError {
     /// A required signal is missing in the log.

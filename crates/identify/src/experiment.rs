@@ -13,8 +13,9 @@ use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Compared signals in this order: those of the crane, and the motor speed as the drive's response to its
-/// command.
+/// Signals in which log and model are compared. They are the piston position \[m\] and the pressures \[Pa\] of the
+/// pump's side A, chambers A and B, the pump's side B and the accumulator. The last one is the motor speed \[rev/s\],
+/// as the drive's response to its command.
 pub const COMPARED: [Signal; CRANE + 1] = {
     let [stroke, pump_a, a, b, pump_b, accumulator] = Signal::COMPARED;
     [stroke, pump_a, a, b, pump_b, accumulator, Signal::MotorSpeed]
@@ -22,30 +23,31 @@ pub const COMPARED: [Signal; CRANE + 1] = {
 /// Number of the crane's signals, which come first.
 pub(crate) const CRANE: usize = Signal::COMPARED.len();
 
-/// Part of a log that is used \[s\].
+/// Part of a log that is used, in log time \[s\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Window {
-    /// Start; the log's beginning if none.
+    /// Start \[s\]; the log's beginning if none.
     pub from: Option<f64>,
-    /// End; the log's end if none.
+    /// End \[s\]; the log's end if none.
     pub to: Option<f64>,
 }
 
-/// Measured signals at one time in SI units.
+/// Measured values of all compared signals at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Time since the start of the experiment \[s\].
     pub time: f64,
-    /// Compared signals; none if not measured.
+    /// Compared signals in SI units, in the order of [`COMPARED`]; none for one that was not measured at that time.
     pub values: [Option<f64>; COMPARED.len()],
 }
 
-/// Inputs of the model, and samples for the comparison.
+/// Log prepared for simulation and output-error estimation: the model's inputs, held constant over each control
+/// period, the measured initial values, and samples for the comparison.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     /// Name of the log.
     pub name: String,
-    /// Log time of its start \[s\].
+    /// Log time at which the experiment starts \[s\].
     pub begin: f64,
     /// Inputs of the model.
     pub(crate) drive: Drive,
@@ -61,7 +63,7 @@ pub struct Experiment {
     pub(crate) merged: usize,
     /// Integration steps in that time.
     pub(crate) steps: u32,
-    /// Measured samples.
+    /// Measured samples on an even grid of [`interval`](Self::interval) \[s\].
     pub samples: Vec<Sample>,
     /// Time constants of the signals' filters \[s\].
     pub(crate) filters: [f64; COMPARED.len()],
@@ -72,7 +74,7 @@ pub struct Experiment {
     pub(crate) sampling_intervals: ([f64; COMPARED.len()], f64),
     /// Standard deviations of the compared signals' noise in SI units; zero if not measured.
     pub(crate) noise: [f64; COMPARED.len()],
-    /// Remarks on the log.
+    /// Remarks on the log in plain text, for the report: segments that are left out, for instance.
     pub remarks: Vec<String>,
     /// Request to stop every simulation of this experiment.
     pub(crate) stop: Arc<AtomicBool>,
@@ -103,12 +105,13 @@ const MOST_LISTED: usize = 5;
 const REST_TIME: f64 = 0.3;
 
 impl Experiment {
-    /// Experiment from a log's signals within a window, for a model.
+    /// Experiment from a log's signals within a window, resampled by linear interpolation. An oscillation test with
+    /// the load held starts at the release of the boom.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] if the position or the driving signal is missing, or the window contains too little
-    /// of them.
+    /// [`IdentifyError`] if the position or the driving signal is missing, or less than 100 control periods of both
+    /// are within the window.
     pub fn new(
         model: &Description,
         log: &Measurement,
@@ -354,32 +357,33 @@ impl Experiment {
         other
     }
 
-    /// Duration \[s\].
+    /// Duration of the simulated experiment \[s\].
     pub fn duration(&self) -> f64 {
         self.drive.len() as f64 * self.period
     }
 
-    /// Sampling interval \[s\].
+    /// Sampling interval of the comparison \[s\], a whole number of control periods: about 5 ms.
     pub fn interval(&self) -> f64 {
         self.every as f64 * self.period
     }
 
-    /// Standard deviation of a compared signal's noise in SI units, estimated from the log's samples; none
+    /// Standard deviation of a compared signal's sensor noise in its SI unit, estimated from the log's samples; none
     /// if it was not measured.
     pub fn noise(&self, signal: Signal) -> Option<f64> {
         let place = COMPARED.iter().position(|s| *s == signal)?;
         self.is_measured(signal).then_some(self.noise[place])
     }
 
-    /// Initial value of a compared signal \[SI\]; none if it was not measured, or is the pressure that
-    /// carries the load.
+    /// Measured initial value of a compared signal in its SI unit. None if it was not measured, or is no initial value
+    /// of the simulation, as the load-carrying pressure p_A of a pump-controlled crane, which follows from
+    /// equilibrium.
     pub fn begun(&self, signal: Signal) -> Option<f64> {
         let channels = self.initial_channels();
         let of = |channel: &Option<usize>| channel.is_some_and(|k| COMPARED[k] == signal);
         self.initial_values[channels.iter().position(of)?]
     }
 
-    /// Whether a compared signal was measured.
+    /// Whether at least one sample contains a value of the signal; false for a signal that is not compared.
     pub fn is_measured(&self, signal: Signal) -> bool {
         let place = COMPARED.iter().position(|s| *s == signal);
         place.is_some_and(|k| self.samples.iter().any(|s| s.values[k].is_some()))

@@ -2,30 +2,30 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Components of a difference, log minus model, by linear least squares.
+/// Components of a difference log − model, by multiple linear regression (ordinary least squares).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Explained {
-    /// Offset in the middle of the log \[SI\].
+    /// Constant offset, in the middle of the log \[SI unit of the signal\].
     pub offset: Part,
-    /// Growth of the offset per second \[SI/s\].
+    /// Growth of the offset \[SI unit of the signal per s\].
     pub drift: Part,
-    /// Relative scale error: share by which the log's amplitude exceeds the model's.
+    /// Relative scale error \[-\]: share by which the log's amplitude exceeds the model's.
     pub scale: Part,
-    /// Delay of the log \[s\], to first order.
+    /// Delay of the log \[s\], to first order: the coefficient of the model's time derivative.
     pub delay: Part,
 }
 
-/// Component of a difference.
+/// One component of a difference: regression coefficient and its share of the power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
-    /// Value.
+    /// Regression coefficient; its unit is stated at the component in [`Explained`].
     pub value: f64,
-    /// Share of the difference's power explained by this component only, given the others.
+    /// Share of the difference's mean square that only this component explains, given the others \[-\], 0 to 1.
     pub share: f64,
 }
 
-/// Decomposition of log minus model, sampled at `interval` \[s\] with none for missing samples; none if
-/// there are too few samples.
+/// Decomposition of log − model into offset, drift, scale and delay. Both are sampled at the same times with the
+/// `interval` \[s\], with none for missing samples, in the SI unit of the signal. None if there are too few samples.
 pub fn explained(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<Explained> {
     let at = |k: usize| model.get(k).copied().flatten();
     // central difference, or one-sided beside a gap

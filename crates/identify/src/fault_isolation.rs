@@ -18,54 +18,55 @@ use hydroboom_description::Description;
 use hydroboom_measurement::Signal;
 use rayon::prelude::*;
 
-/// Fault of a signal.
+/// Fault of one signal of a log: additive, multiplicative or in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// Offset \[SI\]; not for a position, because the model starts at the log's position.
+    /// Additive offset \[SI unit of the signal\]; not for a position, because the model starts at the log's position.
     Offset(f64),
-    /// Scale factor: of a position about its initial value, where the model starts too; of a pressure about
+    /// Scale factor \[-\]: of a position about its initial value, where the model starts too; of a pressure about
     /// zero.
     Scale(f64),
     /// Delay \[s\]; for an input, relative to all compared signals.
     Delay(f64),
 }
 
-/// Fault of one signal that explains most of some differences.
+/// Fault of one signal that explains most of the difference of at least one signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalFault {
-    /// The signal.
+    /// Faulty signal.
     pub signal: Signal,
-    /// Fault.
+    /// Kind and size of the fault.
     pub fault: Fault,
-    /// Remaining RMS difference of the signal after correction \[SI\]; none for an input.
+    /// RMS difference log − model that remains after correction \[SI unit of the signal\]; none for an input of the
+    /// model.
     pub left: Option<f64>,
-    /// Sensor of nearly the same pressure that does not show the fault, which excludes the crane as its
-    /// cause.
+    /// Redundant sensor of nearly the same pressure that does not show the fault, which excludes the crane as its
+    /// cause; none without such a sensor.
     pub against: Option<Signal>,
-    /// Compared signals whose difference it mostly explains: those beyond their limits, or delayed as by an
-    /// input.
+    /// Compared signals of whose RMS difference the fault explains most: those beyond their limits, or delayed as by
+    /// an input.
     pub explains: Vec<Signal>,
 }
 
 impl SignalFault {
-    /// Whether the log distinguishes the fault from an error of the crane's parameters.
+    /// Whether the log distinguishes the fault of the sensor from an error of the crane's parameters.
     pub fn is_isolable(&self) -> bool {
         self.against.is_some() || matches!(self.fault, Fault::Delay(_))
     }
 }
 
-/// Comparison of a log with a model, as measured and corrected for sensor faults.
+/// Comparison of a log with a model, both as measured and after correction for sensor faults.
 #[derive(Clone, Debug)]
 pub struct Isolated {
     /// Prediction of the model for the log as measured.
     pub prediction: Prediction,
-    /// Differences to that log.
+    /// Differences of the model to the log as measured.
     pub found: Differences,
-    /// Faults of signals, the one that explains most first.
+    /// Isolated faults of signals, in order of decreasing effect.
     pub faults: Vec<SignalFault>,
     /// Log corrected for the faults that are distinguishable from errors of the crane's parameters.
     pub corrected: Experiment,
-    /// Differences of the model to the corrected log.
+    /// Differences of the model to the corrected log; they remain without a sensor fault as explanation.
     pub left: Differences,
 }
 

@@ -7,7 +7,7 @@ use hydroboom_description::{Description, is_of_machine, suggestion};
 /// Free parameter, with ln θ as the variable: every such number is positive, and changes are relative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Free {
-    /// Index of the key.
+    /// Index into the schema's list of numeric keys, [`KEYS`].
     pub place: usize,
 }
 
@@ -50,12 +50,13 @@ impl Free {
         }
     }
 
-    /// The same for a key that affects the model's response in a log, as `tune` requires.
+    /// Free parameter by its path, if the model's response in a log depends on it: a key of the machine or of its
+    /// drive, and no whole number.
     ///
     /// # Errors
     ///
-    /// [`IdentifyError::Key`] also for a key that is not the machine's, as of controllers, supervision,
-    /// tests and equipment.
+    /// [`IdentifyError::Key`] if there is no such key, if it is a whole number, or if it belongs to controllers,
+    /// supervision, tests or equipment.
     pub fn of_model(path: &str) -> Result<Self, IdentifyError> {
         let free = Self::from_path(path)?;
         if KEYS[free.place].is_whole {
@@ -79,7 +80,8 @@ impl Free {
         is_of_machine(KEYS[self.place].section) || self.is_of_drive()
     }
 
-    /// Keys that a log of position and pressures usually determines.
+    /// Keys that a log of position and pressures usually determines: stiffness and damping, payload, volumes,
+    /// friction, oil, pump and valve. Keys that are zero in the model are left out, because ln θ needs θ > 0.
     pub fn usual(model: &Description) -> Vec<Self> {
         const USUAL: [&str; 26] = [
             "boom.youngs_modulus_gpa",
@@ -136,17 +138,17 @@ impl Free {
         places.filter(|place| values[*place] > 0.0).map(|place| Self { place }).collect()
     }
 
-    /// Path of the key.
+    /// Path `section.name` of the key, as `payload.mass_kg`.
     pub fn path(self) -> String {
         KEYS[self.place].path()
     }
 
-    /// Value in a description, in SI units.
+    /// Value in a description, in the key's SI unit.
     pub fn value(self, model: &Description) -> f64 {
         model.numbers.to_array()[self.place]
     }
 
-    /// Smallest and largest allowed value, in SI units.
+    /// Smallest and largest value that a crane file allows, in the key's SI unit.
     pub fn bounds(self) -> (f64, f64) {
         let key = &KEYS[self.place];
         (key.to_si(key.low), key.to_si(key.high))

@@ -5,46 +5,48 @@ use crate::experiment::{COMPARED, Experiment};
 use crate::prediction::Prediction;
 use hydroboom_measurement::Signal;
 
-/// Stretch of a log in log time \[s\].
+/// Interval of a log, in log time \[s\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// Start.
+    /// Start, included \[s\].
     pub from: f64,
-    /// End.
+    /// End, excluded \[s\].
     pub to: f64,
 }
 
-/// Prediction error of a signal on a stretch: RMS differences in SI units.
+/// RMS prediction errors of one signal on a held-out interval, in its SI unit: the model and simple extrapolations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PredictionError {
-    /// Signal.
+    /// Compared signal.
     pub signal: Signal,
-    /// Error of the model.
+    /// RMS error of the model.
     pub model: f64,
-    /// Error of the regression line through at most half a stretch length before it; none if nothing
-    /// precedes it.
+    /// RMS error of the regression line through the samples before the interval, over half of its length; none if
+    /// there are fewer than three.
     pub line: Option<f64>,
-    /// Error of the last value before it, averaged over a tenth of its length.
+    /// RMS error of the value just before the interval, from a regression line over a tenth of its length; none if
+    /// there are fewer than three samples.
     pub constant: Option<f64>,
-    /// Error of the regression line through the stretch itself, which is not a prediction.
+    /// RMS error of the regression line through the interval itself. It is no prediction, but shows how far the signal
+    /// departs from a line.
     pub own_line: f64,
 }
 
-/// Model on a stretch that was excluded from its fit.
+/// Hold-out validation of a model on an interval that was excluded from its fit.
 #[derive(Clone, Debug)]
 pub struct HeldOut {
     /// Name of the log.
     pub log: String,
-    /// Stretch.
+    /// Held-out interval.
     pub stretch: Stretch,
-    /// Signals measured there.
+    /// Prediction errors of the signals with at least ten samples in the interval.
     pub signals: Vec<PredictionError>,
-    /// Oscillation of the whole log, and of the model fitted without the stretch.
+    /// Differences over the whole log, of the model fitted without the interval; they contain frequency and damping.
     pub whole: Vec<Difference>,
 }
 
 impl Experiment {
-    /// Experiment with the measurements of some stretches removed; inputs and times are kept.
+    /// Experiment without the measurements of some intervals, for a fit that excludes them; inputs and times are kept.
     pub fn without(&self, stretches: &[Stretch]) -> Self {
         let mut rest = self.clone();
         for sample in &mut rest.samples {
@@ -57,8 +59,8 @@ impl Experiment {
     }
 }
 
-/// Prediction error on a stretch of an experiment that still contains its measurements; none if nothing was
-/// measured there.
+/// RMS prediction errors on an interval of an experiment that still contains its measurements. `prediction` has one
+/// row for each sample, from the model fitted without the interval. None if no signal has ten samples there.
 pub fn held_out(
     experiment: &Experiment,
     prediction: &Prediction,

@@ -1,6 +1,6 @@
 //! Thresholds for judging a model by a log.
 
-/// Thresholds with unit and source.
+/// Limits for the validation of a model by a log. Each states its unit, and its source or reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// RMS difference of the position over the piston's travel in the log \[-\]. Half of the difference of
@@ -60,7 +60,7 @@ pub struct Limits {
     pub highest_pressure: f64,
 }
 
-/// Thresholds in use.
+/// Limits that the verdict, the fault isolation and the remedies use.
 pub const LIMITS: Limits = Limits {
     position: 0.006,
     pressure: 0.02,

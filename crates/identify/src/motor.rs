@@ -17,12 +17,13 @@ use hydroboom_model::drive::{DeadTime, Drive, DriveState, MOST_PARTS};
 const KEYS: [&str; 3] = ["drive.bandwidth_hz", "drive.damping_ratio", "drive.dead_time_ms"];
 
 impl Free {
-    /// Whether it is a key of the drive, which affects only the motor speed.
+    /// Whether it is a key of the electric drive (dead time, lag, limits), which affects only the motor speed in a
+    /// log.
     pub fn is_of_drive(self) -> bool {
         KEYS.contains(&self.path().as_str())
     }
 
-    /// Free keys of the drive; none for an ideal motor.
+    /// Keys of the drive that a fit may change; empty for an ideal motor.
     pub fn of_drive(model: &Description) -> Vec<Self> {
         let keys = KEYS.iter().filter_map(|path| Self::from_path(path).ok());
         keys.filter(|key| has_drive(model) && key.value(model) > 0.0).collect()

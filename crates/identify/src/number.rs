@@ -1,4 +1,4 @@
-//! Number types over which a model can be run, and their integration steps.
+//! Number types over which a model can be simulated, `f64` or dual numbers, and the integration step of each.
 
 use hydroboom_math::{Dual, Real};
 use hydroboom_model::stepping::{Implicit, MOST_PARTS, Underlying, has_settled};
@@ -7,7 +7,7 @@ use hydroboom_model::{
     ValveStart,
 };
 
-/// Number type over which a model can be run: plain, or dual numbers.
+/// Number type over which a model can be simulated: `f64`, or dual numbers for forward-mode automatic differentiation.
 pub trait Number: Real {
     /// Data that an integration step needs besides the crane.
     type Scheme<const N: usize, C: Circuit<Self>>;
@@ -120,19 +120,19 @@ impl<const P: usize> Number for Dual<f64, P> {
     }
 }
 
-/// Integrator of a model.
+/// Implicit time integration of a model, over `f64` or dual numbers.
 pub struct Stepper<T: Number, const N: usize, C: Circuit<T>> {
     scheme: T::Scheme<N, C>,
 }
 
 impl<T: Number, const N: usize, C: Circuit<T>> Stepper<T, N, C> {
-    /// Prepares the integration of a crane; to be used with that crane only.
+    /// Prepares the integration of a crane; the result is valid for that crane only.
     pub fn new(crane: &Crane<T, N, C>) -> Self {
         Self { scheme: T::scheme(crane) }
     }
 
-    /// State after a time \[s\] under a constant input, in at least the given number of steps and as many
-    /// as convergence needs; none if they do not converge.
+    /// State after a time \[s\] under a constant input. The number of equal steps begins with `steps` and is doubled
+    /// until every step converges; none if [`MOST_PARTS`] steps are not enough.
     pub fn moved(
         &self,
         crane: &Crane<T, N, C>,

@@ -20,7 +20,9 @@ const DERIVATIVES_PER_RUN: usize = 8;
 /// valves it chatters within bounds, and its exact derivatives grow without bound.
 pub(crate) const STEPS: u32 = 2;
 
-/// Signals of the model at the samples of an experiment, in SI units and in the order of [`COMPARED`].
+/// Response of the model in SI units: a row for each sample of an experiment, a column for each of [`COMPARED`]. The
+/// column of a signal that the model does not have is zero: pump sides and accumulator of a valve-controlled crane,
+/// and the motor speed where the experiment has no motor command.
 pub type Prediction = Vec<[f64; COMPARED.len()]>;
 
 /// Number of initial values: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a
@@ -210,7 +212,24 @@ fn filtered<T: Number>(response: &mut Response<T>, signal: usize, ratio: f64) {
     }
 }
 
-/// Prediction of the model for an experiment's inputs.
+/// Response of the model to an experiment's inputs, from its measured initial values, at the times of its samples.
+///
+/// ```
+/// use hydroboom_description::Description;
+/// use hydroboom_identify::{Experiment, Window, predict};
+/// use hydroboom_measurement::{Measurement, Signal, Signals, Track};
+/// let time: Vec<f64> = (0..500).map(|k| 1e-3 * f64::from(k)).collect();
+/// let mut signals = Signals::default();
+/// signals.insert(Signal::Stroke, Track::new(&time, &vec![0.2; time.len()]));
+/// signals.insert(Signal::MotorSpeed, Track::new(&time, &vec![0.0; time.len()]));
+/// let log = Measurement { name: "log".into(), channels: Vec::new(), remarks: Vec::new(), time: None };
+/// let model = Description::uia_single_boom()?;
+/// let experiment = Experiment::new(&model, &log, &signals, Window::default())?;
+/// let prediction = predict(&model, &experiment)?;
+/// assert_eq!(prediction.len(), experiment.samples.len());
+/// assert!((prediction[0][0] - 0.2).abs() < 1e-3, "the piston starts at 0.2 m");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 ///
@@ -229,11 +248,9 @@ pub(crate) fn predict_from(
     simulated(model, &model.numbers, &initial, experiment)
 }
 
-/// Prediction, and its derivative with respect to ln θ of each key, in units of the signals.
-///
-/// # Errors
-///
-/// See [`predict`].
+/// Response of the model as [`predict`], and its derivatives with respect to ln θ of each free key, exact by dual
+/// numbers. The derivatives are in the signals' SI units: one array per key, in the order of `free`, of the response's
+/// shape.
 pub fn sensitivities(
     model: &Description,
     experiment: &Experiment,

@@ -14,33 +14,34 @@ use hydroboom_description::schema::Numbers;
 use hydroboom_measurement::Signal;
 use rayon::prelude::*;
 
-/// Change of one key, and its effect on all judged quantities.
+/// Proposed change of one key, and its effect on position, pressures, frequency and damping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
-    /// Path of the key.
+    /// Path `section.name` of the changed key.
     pub path: String,
-    /// Relative change: 0.1 is a tenth more, 2 is three times as much.
+    /// Relative change of the key \[-\]: 0.1 is an increase by 10 %.
     pub change: f64,
     /// Whether the change is limited by the key's bounds or by the largest factor tried, so that more would
     /// improve further.
     pub at_limit: bool,
-    /// Geometric mean of √(1 + (found/limit)²) of all judged quantities, before and after: 1 without
+    /// Geometric mean of √(1 + (found/limit)²) of all judged quantities, before and after \[-\]: 1 without
     /// differences, √2 with all at their limits.
     pub misfit: (f64, f64),
-    /// Affected quantities: those beyond their limit before or after.
+    /// Effect on each quantity that is beyond its limit before or after the change.
     pub moved: Vec<Moved>,
 }
 
 /// Effect of a changed key on one judged quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moved {
-    /// Aspect.
+    /// Judged quantity.
     pub aspect: Aspect,
-    /// Signal.
+    /// Signal in which it is judged.
     pub signal: Signal,
-    /// RMS difference \[SI\], or the model's frequency \[Hz\] or damping ratio, before and after.
+    /// RMS difference in the signal's SI unit, or the model's frequency \[Hz\] or damping ratio \[-\], before and
+    /// after.
     pub found: (f64, f64),
-    /// Frequency \[Hz\] or damping ratio of the log; zero for a difference.
+    /// Frequency \[Hz\] or damping ratio \[-\] of the log; zero for an RMS difference.
     pub wanted: f64,
 }
 

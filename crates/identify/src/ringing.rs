@@ -1,22 +1,23 @@
-//! Frequency and damping of a signal's oscillation.
+//! Frequency and damping ratio of a decaying oscillation, by amplitude spectrum and nonlinear least squares.
 
 use crate::limits::LIMITS;
 use nalgebra::{Matrix4, Vector4};
 use realfft::RealFftPlanner;
 
-/// Decaying oscillation.
+/// Frequency, damping ratio and amplitude of a decaying oscillation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ringing {
     /// Frequency \[Hz\].
     pub frequency: f64,
-    /// Damping ratio; none if no free decay is long enough.
+    /// Damping ratio \[-\]; none if no free decay of at least three periods exists.
     pub damping: Option<f64>,
     /// Initial amplitude of the fitted oscillation in the signal's unit; zero if none was fitted.
     pub amplitude: f64,
 }
 
 impl Ringing {
-    /// Whether its frequency is reliable: the damping is small enough for several periods.
+    /// Whether its frequency is reliable: the damping ratio is identified and at most
+    /// [`Limits::readable_damping`](crate::Limits::readable_damping).
     pub fn has_reliable_frequency(&self) -> bool {
         self.damping.is_some_and(|damping| damping <= LIMITS.readable_damping)
     }
@@ -31,13 +32,21 @@ const PROMINENT: f64 = 6.0;
 /// Smallest number of periods in a free decay.
 const PERIODS: f64 = 3.0;
 
-/// Oscillation of a signal sampled every `interval` \[s\]; `is_free` marks the samples without excitation.
-/// None without a prominent peak.
+/// Frequency and damping ratio of a signal's oscillation between 0.7 and 20 Hz. The signal is sampled every `interval`
+/// \[s\]; `is_free` marks the samples without excitation and has the length of `values`. None without a prominent
+/// peak, for fewer than 64 samples, or if a value is not finite.
 ///
-/// The frequency is the largest peak of the amplitude spectrum of the signal's second difference over 0.2
-/// s, which removes slow motion. A Hann window is used, and bins are interpolated by a parabola. Damping
-/// and a refined frequency come from `y = a + b t + e^{−σt} (c cos ωt + d sin ωt)`, fitted to the longest
-/// free decay.
+/// The frequency is the largest peak of the amplitude spectrum of the signal's second difference over 0.2 s, which
+/// removes slow motion. A Hann window is used, and bins are interpolated by a parabola. Damping and a refined
+/// frequency come from `y = a + b t + e^{−σt} (c cos ωt + d sin ωt)`, fitted to the longest free decay.
+///
+/// ```
+/// use hydroboom_identify::ringing;
+/// let decay = |t: f64| 70.0 + 5.0 * (-0.8 * t).exp() * (std::f64::consts::TAU * 3.0 * t).cos();
+/// let values: Vec<f64> = (0..1200).map(|k| decay(0.005 * f64::from(k))).collect();
+/// let found = ringing(&values, 0.005, &vec![true; values.len()]);
+/// assert!(found.is_some_and(|oscillation| (oscillation.frequency - 3.0).abs() < 0.03));
+/// ```
 pub fn ringing(values: &[f64], interval: f64, is_free: &[bool]) -> Option<Ringing> {
     if values.len() < 64 || values.iter().any(|v| !v.is_finite()) {
         return None;

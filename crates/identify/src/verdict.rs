@@ -6,7 +6,7 @@ use crate::limits::LIMITS;
 use crate::ringing::Ringing;
 use hydroboom_measurement::Signal;
 
-/// Judged aspect of a model.
+/// Quantity by which a model is judged against a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aspect {
     /// The piston's position.
@@ -19,22 +19,21 @@ pub enum Aspect {
     Damping,
 }
 
-/// Judgement of a model on one aspect of a log.
+/// Deviation of a model from a log in one quantity, and its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// Aspect.
+    /// Judged quantity.
     pub aspect: Aspect,
-    /// Signal of largest deviation.
+    /// Signal in which the deviation, relative to its limit, is largest.
     pub signal: Signal,
-    /// Deviation: RMS difference in SI units, or relative difference of frequency or damping with its sign,
-    /// model over log.
+    /// RMS difference \[m or Pa\], or relative difference of frequency or damping ratio \[-\], (model − log)/log.
     pub found: f64,
-    /// Largest allowed magnitude.
+    /// Largest magnitude of `found` that is accepted, in the same unit.
     pub limit: f64,
 }
 
 impl Judgement {
-    /// Whether the model is within the limit.
+    /// Whether the model is within the limit: |found| ≤ limit.
     pub fn is_right(&self) -> bool {
         self.found.abs() <= self.limit
     }
@@ -77,7 +76,7 @@ pub(crate) fn judged(found: &Differences) -> Vec<Judgement> {
     resolved.map(of_size).chain(boom).collect()
 }
 
-/// Judgements beyond their limits, signal by signal.
+/// Deviations beyond their limits: of each adequately sampled signal, and of the boom's oscillation.
 pub fn complaints(found: &Differences) -> Vec<Judgement> {
     judged(found).into_iter().filter(|j| !j.is_right()).collect()
 }
@@ -92,7 +91,8 @@ fn boom(found: &Differences) -> Option<&Difference> {
     resolved.max_by(|a, b| amplitude_over_noise(a).total_cmp(&amplitude_over_noise(b)))
 }
 
-/// Judgement of each aspect by its worst signal.
+/// Judgement of position, pressures, frequency and damping, each by the signal of largest deviation relative to its
+/// limit. A quantity that the log does not show, or samples too coarsely, is left out.
 pub fn verdict(found: &Differences) -> Vec<Judgement> {
     let worst = |of: Vec<Judgement>| {
         let share = |j: &Judgement| j.found.abs() / j.limit;

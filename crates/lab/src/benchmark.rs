@@ -12,25 +12,25 @@ use std::time::Instant;
 /// Simulations per call in the vectorised measurement.
 const LANES: usize = 8;
 
-/// Execution times of integration steps.
+/// Execution times of integration steps on this computer.
 #[derive(Clone, Debug, Serialize)]
 pub struct Timing {
     /// One step of 50 us of the coupled published model with three segments, f64, one core \[ns\].
     pub step_ns: f64,
-    /// The same vectorised, per simulation \[ns\].
+    /// Execution time of a step of 50 us of the published model with several cranes vectorised, per crane \[ns\].
     pub lanes_step_ns: f64,
-    /// Instruction set selected at run time.
+    /// Name of the vector instruction set that was selected at run time.
     pub instruction_set: &'static str,
-    /// Implicit step for several numbers of segments.
+    /// Execution time of an implicit step for several numbers of boom segments.
     pub segments: Vec<SegmentTiming>,
 }
 
-/// Execution time for a number of segments.
+/// Execution time of an integration step for a number of boom segments.
 #[derive(Clone, Debug, Serialize)]
 pub struct SegmentTiming {
-    /// Number of segments.
+    /// Number of boom segments.
     pub n: usize,
-    /// One implicit step of 50 us \[ns\].
+    /// Execution time of one implicit step of 50 us \[ns\].
     pub step_ns: f64,
 }
 
@@ -46,7 +46,7 @@ fn best_ns(calls: usize, mut trial: impl FnMut(usize)) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Measures the execution times.
+/// Measures the execution times on one core, in the ordinary load of the computer.
 ///
 /// # Errors
 ///

@@ -7,46 +7,46 @@ use crate::study::{NOMINAL, OFF, VIRTUAL};
 use hydroboom_control::strategy::Strategy;
 use serde::Serialize;
 
-/// Figure on one plant.
+/// Figure of a claim on one plant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OnPlant {
-    /// Name of the plant.
+    /// Name of the plant: nominal, off-model or virtual.
     pub plant: &'static str,
-    /// Figure from measured signals. An eigenfrequency is computed from the linearised plant and not
-    /// measured.
+    /// Figure from measured signals, in the claim's unit. An eigenfrequency is computed from the linearised plant and
+    /// not measured.
     pub measured: f64,
-    /// Figure from the true state; equal to the measured one if the sensors are ideal.
+    /// Figure from the true state, in the claim's unit; equal to the measured one if the sensors are ideal.
     #[serde(rename = "true")]
     pub truth: f64,
-    /// Whether the measured figure is worse than the paper's tables, or than its text where the tables have
-    /// none.
+    /// Whether the measured figure is worse than the paper's tables, or than its text where the tables have none. None
+    /// if the paper states neither.
     pub worse_than_paper: Option<bool>,
 }
 
-/// Claim of the paper with the corresponding figure here.
+/// Claim of the paper with the corresponding figure of this model.
 #[derive(Clone, Debug, Serialize)]
 pub struct Claim {
-    /// Description of the comparison.
+    /// Description of the compared quantities.
     pub compares: String,
-    /// Unit of all figures.
+    /// Unit of all figures of the claim.
     pub unit: &'static str,
     /// Whether a larger figure is better.
     pub more_is_better: bool,
-    /// Value stated in the paper's abstract and conclusions; none for another crane.
+    /// Value stated in the paper's abstract and conclusions, in the claim's unit; none for another crane.
     pub paper_stated: Option<f64>,
-    /// Value in the paper's tables, or derived from them.
+    /// Value in the paper's tables, or derived from them, in the claim's unit; none if the tables have none.
     pub paper_tables: Option<f64>,
-    /// Figures here, without the nominal plant where it would be compared with itself.
+    /// Figures on each plant, without the nominal plant where it would be compared with itself.
     pub plants: Vec<OnPlant>,
 }
 
 impl Claim {
-    /// Figure on a plant.
+    /// Figure on a plant; none if it was not computed there.
     pub fn on(&self, plant: &str) -> Option<&OnPlant> {
         self.plants.iter().find(|figure| figure.plant == plant)
     }
 
-    /// Decimal places of its figures.
+    /// Number of decimal places with which its figures are shown.
     pub fn digits(&self) -> usize {
         if self.unit == "%" { 1 } else { 2 }
     }
@@ -65,23 +65,24 @@ impl Claim {
     }
 }
 
-/// Results from which the claims are computed.
+/// Results of the study from which the claims are computed.
 pub struct Shown<'a> {
     /// Whether the crane is the paper's; its figures apply to no other.
     pub is_papers_crane: bool,
-    /// The cylinder's stroke \[m\].
+    /// Stroke of the cylinder \[m\].
     pub stroke: f64,
     /// Slow and fast speed of the motion \[m/s\].
     pub speeds: [f64; 2],
-    /// Strokes of the eigenfrequencies \[mm\].
+    /// Piston positions of the eigenfrequencies \[mm\].
     pub eigen_stroke_mm: [f64; 3],
-    /// Eigenfrequencies of the model there \[Hz\], load held, without friction.
+    /// Eigenfrequencies of the model at these positions \[Hz\], load held, without friction.
     pub model_hz: [f64; 3],
-    /// Eigenfrequencies of each plant that differs from the model \[Hz\].
+    /// Name and eigenfrequencies \[Hz\] at these positions of each plant that differs from the model.
     pub plants_hz: Vec<(&'static str, [f64; 3])>,
-    /// Runs of all strategies on all plants.
+    /// Runs of all strategies, each with the name of its plant.
     pub runs: &'a [(String, Run)],
-    /// The model under velocity feedforward along the virtual crane's motions, slow and fast.
+    /// The published model under velocity feedforward along the virtual crane's motions, slow and fast; none without a
+    /// virtual crane.
     pub alongside: Option<[&'a Run; 2]>,
 }
 
@@ -222,12 +223,12 @@ fn closed_loop(shown: &Shown<'_>, k: usize) -> Claim {
     claim
 }
 
-/// Note on reading the table.
+/// Note on how the table of claims is to be read.
 pub const REMARK: &str = "\
 Our eigenfrequencies are those of the linearised cranes without friction. The nominal plant equals the model, and so has no deviation from it. \
 A negative reduction is an increase.";
 
-/// Further note for a table with the paper's figures.
+/// Note on the paper's stated accuracy, for a table with the paper's figures.
 pub const REMARK_ON_PAPER: &str = "The paper does not say at which speed its 1.2 % holds.";
 
 #[cfg(test)]

@@ -2,21 +2,22 @@
 
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Value};
 
-/// New value for a key of a crane file.
+/// Value that was found for a key of a crane file, with its provenance.
 #[derive(Clone, Debug)]
 pub struct FoundValue<'a> {
-    /// Key `section.key`.
+    /// Path `section.key` of the key.
     pub path: &'a str,
     /// Value in the key's unit.
     pub value: f64,
-    /// Method in one word.
+    /// How the value was found, in one word, as `tuned` or `calibrated`.
     pub provenance: &'a str,
-    /// Data that the value was found from.
+    /// Data from which the value was found, for the comment.
     pub source: String,
 }
 
-/// Writes a value into the text of a crane file. If the key's range excludes the value, the range is
-/// widened to it and the source mentions it, because a value outside its range makes the file invalid.
+/// Writes a value into the text of a crane file; comments and other keys are kept. If the key's range excludes the
+/// value, the range is widened to it and the source mentions it, because a value outside its range makes the file
+/// invalid.
 pub fn write_value(document: &mut DocumentMut, found: FoundValue<'_>) {
     let Some((section, name)) = found.path.split_once('.') else { return };
     let before = document.get(section).and_then(|table| table.get(name));

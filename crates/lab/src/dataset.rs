@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 /// Sampling interval of the logs \[s\].
 const INTERVAL: f64 = 5e-3;
 
-/// Writes the data set into a folder that must not exist yet and returns the files. `progress` receives the
-/// share done.
+/// Writes the data set into a folder that must not exist yet: measured signals in `readings`, true values in `truth`,
+/// every 5 ms. Returns the files; `progress` receives the share done.
 ///
 /// # Errors
 ///

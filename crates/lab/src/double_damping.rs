@@ -22,27 +22,29 @@ use hydroboom_description::Description;
 use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
 
-/// RMS and peak tracking errors on one plant along one course.
+/// RMS and peak tracking errors of the three control laws on one plant along one course.
 #[derive(Clone, Debug, Serialize)]
 pub struct DoubleDamping {
     /// Name of the plant.
     pub plant: String,
     /// Name of the course.
     pub course: String,
-    /// Benchmark controller.
+    /// Tracking error of the benchmark controller.
     pub benchmark: TrackingError,
-    /// Simulation feedforward in closed loop as published: damped in the simulation and again on the plant.
+    /// Tracking error of simulation feedforward in closed loop as published: damped in the simulation and again on the
+    /// plant.
     pub damped_twice: TrackingError,
-    /// The same with pressure feedback on p − p_sim: damped once.
+    /// Tracking error with pressure feedback on the difference p − p_s to the simulation: damped once.
     pub damped_once: TrackingError,
-    /// Whether each of the three, in this order, came to rest where its reference rested.
+    /// Whether each of the three laws, in this order, came to rest where its reference rested.
     pub stable: [bool; 3],
-    /// Reason if the simulation of one stopped before the course's end; it then has no errors.
+    /// Reason why the simulation of a law stopped before the course's end, in the same order; none if it ran to the
+    /// end. A stopped law has no errors.
     pub stopped: [Option<String>; 3],
 }
 
 impl DoubleDamping {
-    /// Each controller with its error, or a note in place of the error of a sustained oscillation.
+    /// Name of each law with its tracking error, or a note in place of the error of a sustained oscillation or a stop.
     pub fn laws(&self) -> [(&'static str, Result<TrackingError, &'static str>); 3] {
         let names =
             ["benchmark", "published: damped twice", "pressure feedback on p - p_sim: damped once"];
@@ -61,8 +63,8 @@ impl DoubleDamping {
 /// Result of a controller: tracking error, whether it came to rest, and why it stopped.
 type ControllerResult = (TrackingError, bool, Option<String>);
 
-/// Compares the three controllers along a course. Two come from `runs` on the plant, if both were run along
-/// it; the one that damps once is simulated. `plant_name` is for the table.
+/// Compares the three laws along a course. Two come from `runs` on the plant, if both were run along it; the law that
+/// damps once is simulated. `plant_name` is for the table.
 ///
 /// # Errors
 ///

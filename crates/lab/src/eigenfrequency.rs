@@ -6,54 +6,55 @@ use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use serde::Serialize;
 
-/// Eigenfrequency at one stroke.
+/// Eigenfrequency of the crane with locked cylinder at one piston position, by simulation and by linearisation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Position of the piston.
+    /// Piston position \[mm\].
     pub stroke_mm: f64,
-    /// Lowest mode from the oscillation in the time domain, f = n/Δt, with the crane's friction; none if it
-    /// decays within two periods.
+    /// Frequency of the lowest mode from the simulated oscillation \[Hz\], f = n/Δt, with the crane's friction; none
+    /// if it decays within two periods.
     pub oscillation_hz: Option<f64>,
-    /// The same without friction.
+    /// Frequency of the lowest mode from the simulated oscillation without friction \[Hz\]; none if it decays within
+    /// two periods.
     pub frictionless_hz: Option<f64>,
-    /// Lowest and highest piston-side pressure in the test without friction.
+    /// Lowest and highest piston-side pressure in the test without friction \[bar\].
     pub frictionless_bar: [f64; 2],
-    /// From the eigenvalues of the linearised crane without friction.
+    /// Frequency of the lowest mode from the eigenvalues of the linearised crane without friction \[Hz\].
     pub linearised_hz: f64,
-    /// From the eigenvalues with the friction at rest, whose slope acts as a stiff damper that nearly locks
-    /// the piston.
+    /// Frequency from the eigenvalues with the friction at rest \[Hz\], whose slope acts as a stiff damper that nearly
+    /// locks the piston.
     pub linearised_with_friction_hz: f64,
-    /// Damping ratio of the linearised mode without friction.
+    /// Damping ratio of the linearised lowest mode without friction \[-\].
     pub damping_ratio: f64,
-    /// All oscillatory modes of the linearised crane without friction, slowest first.
+    /// All oscillatory modes of the linearised crane without friction, in order of increasing frequency.
     pub modes: Vec<ShapedMode>,
-    /// Simulated value of the paper.
+    /// Eigenfrequency simulated in the paper (Table 5) \[Hz\]; none for another crane or position.
     pub paper_simulated_hz: Option<f64>,
-    /// Measured value of the paper.
+    /// Eigenfrequency measured in the paper (Table 5) \[Hz\]; none for another crane or position.
     pub paper_measured_hz: Option<f64>,
 }
 
 impl Row {
-    /// The same without the paper's values, which apply to its own crane only.
+    /// The row without the paper's values, which apply to its own crane only.
     #[must_use]
     pub fn without_paper(self) -> Self {
         Self { paper_simulated_hz: None, paper_measured_hz: None, ..self }
     }
 }
 
-/// Mode with its mode shape.
+/// Oscillatory mode of the linearised crane with its mode shape.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShapedMode {
-    /// Eigenvalue, frequency, damping.
+    /// Eigenvalue, frequency and damping ratio.
     #[serde(flatten)]
     pub mode: Mode,
-    /// Mode shape: angle of each segment over that of the outermost one, with its sign.
+    /// Mode shape: angle of each segment relative to that of the outermost one \[-\], with its sign.
     pub angles: Vec<f64>,
-    /// Amplitude of p_A per degree of the outermost segment's angle.
+    /// Amplitude of p_A per degree of the outermost segment's angle \[bar/deg\].
     pub pressure_a_bar_per_deg: f64,
 }
 
-/// Locked-valve oscillation in the time domain.
+/// Time series of a locked-valve oscillation test: pressure and height of the tip.
 #[derive(Clone, Debug)]
 pub struct Oscillation {
     /// Times \[s\].
@@ -71,7 +72,7 @@ pub const SMALL_DROP: f64 = 0.2e-3;
 /// Duration of the oscillation test \[s\].
 const DURATION: f64 = 4.0;
 
-/// The crane without friction in the cylinder.
+/// Description of the crane without friction in the cylinder.
 ///
 /// # Errors
 ///
@@ -85,11 +86,11 @@ pub fn without_friction(description: &Description) -> Result<Description, LabErr
     Ok(frictionless)
 }
 
-/// Simulates the drop of the boom onto its cylinder with the load-holding valve shut.
+/// Simulates the drop of the boom onto its cylinder with the load-holding valve shut (paper, section 5.2.2).
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated there.
+/// [`LabError`] if the crane cannot be simulated at this piston position.
 pub fn oscillation(
     description: &Description,
     stroke: f64,
@@ -124,8 +125,8 @@ fn locked(
     Ok(plant(description, &start, Scheme::Published, step)?)
 }
 
-/// Frequency of an oscillation \[Hz\], n/Δt between its first and last upward crossing of the mean (section
-/// 5.2.2). The mean is that of the whole periods in between.
+/// Frequency of an oscillation \[Hz\], n/Δt between its first and last upward crossing of the mean (paper, section
+/// 5.2.2). The mean is that of the whole periods in between. Times are in seconds, values in any unit.
 ///
 /// # Errors
 ///
@@ -166,8 +167,8 @@ fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Frequency of the lowest mode alone. A moving average over one period of the second mode \[Hz\] removes
-/// that mode and preserves the crossings of the lowest one.
+/// Frequency \[Hz\] of the lowest mode in an oscillation of several modes. A moving average over one period of the
+/// second mode \[Hz\] removes that mode and preserves the crossings of the lowest one.
 ///
 /// # Errors
 ///
@@ -186,7 +187,7 @@ pub fn lowest_mode_frequency(
     frequency(time.get(half..half + means.len()).unwrap_or_default(), &means)
 }
 
-/// Lowest oscillatory mode of the locked crane at a stroke \[m\].
+/// Lowest oscillatory mode of the linearised crane with locked cylinder at a piston position \[m\].
 ///
 /// # Errors
 ///
@@ -203,7 +204,8 @@ fn lowest(modes: &[ShapedMode]) -> Result<Mode, LabError> {
         .ok_or_else(|| LabError::NoOscillation("the linearised crane does not oscillate".into()))
 }
 
-/// All oscillatory modes of the locked crane at a stroke \[m\], slowest first.
+/// All oscillatory modes of the linearised crane with locked cylinder at a piston position \[m\], in order of
+/// increasing frequency.
 ///
 /// # Errors
 ///
@@ -231,7 +233,7 @@ pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<Shaped
         .collect()
 }
 
-/// Test at one stroke \[m\].
+/// Locked-valve oscillation test at one piston position \[m\], with the linearised model.
 ///
 /// # Errors
 ///

@@ -6,55 +6,55 @@ use hydroboom_model::energy::{Energy, Power};
 use hydroboom_model::{Input, Scheme};
 use serde::Serialize;
 
-/// Definition of pump work, for a table.
+/// Definition of pump work and exchanged energy, as a sentence below a table.
 pub const PUMP_WORK: &str = "\
 Pump work: the power of the pump on the oil (flow times pressure at both ports), integrated over the cycle. Power \
 that the oil returns counts negative. \
 Exchanged: the same power's magnitude, integrated.";
 
-/// Balance up to one time of the cycle.
+/// Energy balance from the start of the cycle to one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Balance {
-    /// Time \[s\].
+    /// Time since the start of the cycle \[s\].
     pub time: f64,
     /// Energy gained since the start, by form \[J\].
     pub gained: Energy<f64>,
-    /// Net work of the pump on the oil so far \[J\].
+    /// Net work of the pump on the oil since the start \[J\].
     pub work: f64,
-    /// Losses so far \[J\].
+    /// Dissipated energy since the start \[J\].
     pub losses: f64,
 }
 
-/// Balance over one cycle.
+/// Energy balance over one motion cycle with one integration scheme and step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Audit {
-    /// Integration scheme.
+    /// Name of the integration scheme.
     pub scheme: String,
     /// Integration step \[us\].
     pub step_us: f64,
-    /// Energy at the end minus energy at the start.
+    /// Energy of the crane at the end minus that at the start \[J\].
     pub change_j: f64,
-    /// Net work of the pump on the oil.
+    /// Net work of the pump on the oil \[J\].
     pub work_j: f64,
-    /// All losses.
+    /// Dissipated energy \[J\]: in valves, lines, leakage, cylinder friction, joints and end stops.
     pub losses_j: f64,
-    /// Energy added by equations that do not conserve mass.
+    /// Energy added by equations that do not conserve mass \[J\].
     pub defects_j: f64,
-    /// Exchanged energy: integral of the magnitude of the pump's power.
+    /// Exchanged energy: integral of the magnitude of the pump's power \[J\].
     pub exchanged_j: f64,
-    /// |change − work + losses − defects| over the exchanged energy.
+    /// Residual |change − work + losses − defects| over the exchanged energy \[-\]: the error of the integration.
     pub relative_residual: f64,
-    /// Integral of each named power \[J\].
+    /// Name and integral of each power \[J\].
     pub by_name_j: Vec<(String, f64)>,
     /// Balance every 10 ms, for figures.
     #[serde(skip)]
     pub trace: Vec<Balance>,
 }
 
-/// Energy balance of one fast motion cycle under velocity feedforward.
+/// Energy balance of one fast motion cycle under velocity feedforward, with an integration step \[s\].
 ///
-/// The pump's speed is constant over a control period, or a longer step. Powers are integrated by the
-/// trapezoidal rule within each step, so that the residual is the error of the integration step.
+/// The pump's speed is constant over a control period, or a longer step. Powers are integrated by the trapezoidal rule
+/// within each step, so that the residual is the error of the integration step.
 ///
 /// # Errors
 ///
@@ -121,7 +121,7 @@ pub fn audit(description: &Description, scheme: Scheme, step: f64) -> Result<Aud
     })
 }
 
-/// Name of a scheme in commands and tables.
+/// Name of an integration scheme in commands and tables.
 pub fn scheme_name(scheme: Scheme) -> &'static str {
     match scheme {
         Scheme::Published => "published",

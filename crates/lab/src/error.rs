@@ -6,7 +6,7 @@ use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use thiserror::Error;
 
-/// Reason why an experiment has no result.
+/// Reason why an experiment in simulation has no result.
 #[derive(Debug, Error)]
 pub enum LabError {
     /// No model can be built from the crane file.

@@ -1,4 +1,5 @@
-//! Experiments on the crane.
+//! Experiments in simulation: closed loops, baselines, performance bounds, calibration, iterative learning control,
+//! reports.
 //!
 //! All experiments take a [`Description`](hydroboom_description::Description). A [`Plant`] abstracts from
 //! the number of boom segments.

@@ -1,4 +1,4 @@
-//! Logs with the unit in each column's name. A log file is complete or absent.
+//! Logs as CSV or MAT files, with the unit in each column's name. A log file is complete or absent.
 
 use crate::mat_file::{Matrix, mat_file};
 use hydroboom_files::{FileError, Output};
@@ -19,7 +19,8 @@ fn shown_unit(unit: &str) -> (&'static str, f64) {
     }
 }
 
-/// Column names for the entries of a record from their names and SI units.
+/// Column names for the fields of a record from their names and SI units: prefix, name, and the display unit, as
+/// `pressure_a_bar`. A field without a unit has no such ending.
 pub fn columns(names: &[&str], units: &[&str], prefix: &str) -> Vec<String> {
     let pairs = names.iter().zip(units);
     pairs
@@ -30,7 +31,7 @@ pub fn columns(names: &[&str], units: &[&str], prefix: &str) -> Vec<String> {
         .collect()
 }
 
-/// Values in the units of these columns.
+/// Values in the display units of these columns, from values in their SI units.
 pub fn scaled<'a>(values: &'a [f64], units: &'a [&'static str]) -> impl Iterator<Item = f64> + 'a {
     values.iter().zip(units).map(|(value, unit)| value / shown_unit(unit).1)
 }
@@ -105,12 +106,12 @@ impl Writer {
 }
 
 impl Log {
-    /// Creates a log with its header.
+    /// Begins a log with its header. An error of creating the file is reported by [`finish`](Self::finish).
     pub fn begin(path: &Path, header: &[String]) -> Self {
         Self { writer: Writer::begin(path, header) }
     }
 
-    /// Appends a row.
+    /// Appends a row, with a value for each column of the header.
     pub fn row(&mut self, values: &[f64]) {
         if let Ok(writer) = &mut self.writer
             && let Err(error) = writer.row(values)

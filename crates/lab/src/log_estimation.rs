@@ -25,7 +25,7 @@ use input_signals::{
     with_unknown_pump,
 };
 
-/// Estimated quantities: names ending in their units, and these units in SI units.
+/// Estimated quantities: name, which ends in the display unit, and the size of that unit in SI units.
 pub const ESTIMATES: [(&str, f64); OF_STATE + 4] = [
     ("piston_position_mm", 1e-3),
     ("payload_kg", 1.0),
@@ -39,64 +39,64 @@ pub const ESTIMATES: [(&str, f64); OF_STATE + 4] = [
     ("tip_x_mm", 1e-3),
     ("tip_y_mm", 1e-3),
 ];
-/// Innovations: names ending in their units, and these units in SI units.
+/// Innovations of the measured signals: name, which ends in the display unit, and the size of that unit in SI units.
 pub const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
 /// Longest log \[control periods\]: a day at 1 ms.
 const MOST_PERIODS: f64 = 9e7;
 /// Longest interval of a log \[control periods\] from which the drive lag is identified.
 const FINE: f64 = 1.5;
 
-/// Estimates at one time in the units of [`ESTIMATES`].
+/// Estimates of the filter at one time of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateRow {
     /// Time of the log \[s\].
     pub time: f64,
     /// Whether the load-holding valve was shut.
     pub is_held: bool,
-    /// Estimates.
+    /// Estimates, in the order and the units of [`ESTIMATES`].
     pub estimate: [f64; ESTIMATES.len()],
-    /// Their standard deviations.
+    /// Standard deviations of the estimates, in the same order and units.
     pub deviation: [f64; ESTIMATES.len()],
-    /// Innovations in the units of [`INNOVATIONS`]; NaN without a measurement.
+    /// Innovations, in the order and the units of [`INNOVATIONS`]; NaN without a measurement.
     pub innovation: [f64; 2],
-    /// Their standard deviations by the filter.
+    /// Standard deviations of the innovations by the filter, in the same units.
     pub innovation_deviation: [f64; 2],
-    /// Mean of the normalised innovation squared \[1\].
+    /// Mean normalised innovation squared (NIS) \[-\]; 1 for a consistent filter.
     pub mean_nis: f64,
 }
 
-/// The filter's estimates along a log.
+/// Estimates of the filter along a log, with their verdict.
 #[derive(Clone, Debug)]
 pub struct LogEstimate {
     /// Log time at which the estimates begin \[s\].
     pub begin: f64,
     /// Duration of the estimates \[s\].
     pub duration: f64,
-    /// The filter's period \[s\].
+    /// Control period of the filter \[s\].
     pub period: f64,
-    /// Median interval of the log's position and pressure \[s\].
+    /// Median sampling intervals of the log's position and pressure \[s\].
     pub interval: [f64; 2],
     /// Standard deviations of position \[m\] and load pressure \[Pa\] that the filter assumes.
     pub noise: [f64; 2],
-    /// Prior of the unknown flow of a valve-controlled crane.
+    /// Prior of the unknown flow of a valve-controlled crane; none for a pump-controlled one.
     pub unknown_flow_prior: Option<UnknownFlowPrior>,
-    /// Estimates at the samples of the log, decimated for a long log.
+    /// Estimates at the samples of the log; a long log is decimated.
     pub rows: Vec<EstimateRow>,
     /// Standard deviations at the start, in the units of [`ESTIMATES`].
     pub initial_deviation: [f64; ESTIMATES.len()],
     /// Verdict from innovations, other signals and bounds.
     pub verdict: Verdict,
-    /// Remarks on the use of the log.
+    /// Remarks on how the log was used, a sentence each.
     pub remarks: Vec<String>,
 }
 
 impl LogEstimate {
-    /// Last estimates while the valve was open; the last of all if it never was.
+    /// Last estimates while the load-holding valve was open; the last ones of all if it never was. None without rows.
     pub fn last_released(&self) -> Option<&EstimateRow> {
         self.rows.iter().rev().find(|row| !row.is_held).or(self.rows.last())
     }
 
-    /// Heading for [`last_released`](Self::last_released).
+    /// Heading of a table of [`last_released`](Self::last_released), which states its time.
     pub fn last_heading(&self) -> String {
         match (self.last_released(), self.rows.last()) {
             (Some(row), Some(last)) if row.time < last.time => {
@@ -284,14 +284,14 @@ fn remark_on_run(run: &Run, remarks: &mut Vec<String>) {
     }
 }
 
-/// Name of an estimate without its unit, for tables.
+/// Name of an estimate without the unit at its end, for tables.
 pub fn readable(name: &str) -> String {
     let cut = ["_mm_s", "_mm", "_kg", "_bar", "_n", "_l_min", "_ms"];
     let bare = cut.iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name);
     bare.replace('_', " ")
 }
 
-/// Unit in an estimate's name.
+/// Display unit at the end of an estimate's name.
 pub fn unit(name: &str) -> &'static str {
     const UNITS: [(&str, &str); 7] = [
         ("_mm_s", "mm/s"),

@@ -33,16 +33,16 @@ const OBSERVED: f64 = 0.7;
 /// Time since the opening of the valve after which pressures have settled \[s\].
 const SETTLED: f64 = 0.5;
 
-/// Innovations of one measured signal.
+/// Statistics of the innovations of one measured signal along a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct InnovationSummary {
-    /// Number of one-second windows with enough innovations.
+    /// Number of one-second windows with at least ten innovations.
     pub windows: usize,
-    /// Mean normalised innovation squared; 1 for a consistent filter.
+    /// Mean normalised innovation squared (NIS) \[-\]; 1 for a consistent filter.
     pub mean_nis: f64,
-    /// Share of windows with a mean NIS of at most 2.
+    /// Share of windows with a mean NIS of at most 2 \[%\].
     pub consistent_percent: f64,
-    /// Mean of innovations over their standard deviation; 0 for a consistent filter.
+    /// Mean of the innovations, each over its standard deviation \[-\]; 0 for a consistent filter.
     pub mean_over_sigma: f64,
 }
 
@@ -53,29 +53,29 @@ const OFFSET: &str = "offset";
 const STUCK: &str = "stuck";
 const RANGE: &str = "range";
 
-/// Fault of a signal.
+/// Fault of a signal of the log, as found by the filter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SignalFinding {
     /// Symbol of the signal.
     pub signal: &'static str,
-    /// Kind: missing, stuck, delay, offset, range, innovations, or noise.
+    /// Kind of fault: missing, stuck, delay, offset, range, innovations, or noise.
     pub kind: &'static str,
-    /// Description of the fault.
+    /// Description of the fault, as a sentence.
     pub text: String,
 }
 
-/// Verdict on the estimates along a log.
+/// Verdict on the estimates along a log: consistency, faulty signals and observability.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verdict {
     /// Whether the innovations agree with their covariance; none if there were too few.
     pub is_consistent: Option<bool>,
-    /// Innovations of the position.
+    /// Statistics of the innovations of the position.
     pub position: InnovationSummary,
-    /// Innovations of the load pressure.
+    /// Statistics of the innovations of the load pressure.
     pub load_pressure: InnovationSummary,
-    /// Faulty signals.
+    /// Faults of signals; empty if none was found.
     pub findings: Vec<SignalFinding>,
-    /// Parameters that the motion does not determine.
+    /// Names of the parameters whose standard deviation the motion hardly reduces.
     pub unobservable: Vec<String>,
     /// Times at which the innovations indicate a load change or a shock \[s\].
     pub load_changes_s: Vec<f64>,
@@ -123,7 +123,7 @@ pub(crate) fn verdict(
 }
 
 impl Verdict {
-    /// Verdict in a sentence.
+    /// Verdict as a sentence.
     pub fn sentence(&self) -> String {
         let changes = match self.load_changes_s.len() {
             0 => String::new(),

@@ -4,12 +4,12 @@
 //! zero-terminated name, and the entries column by column. This is less code than the use of a crate for
 //! the later formats.
 
-/// Matrix to be written.
+/// Real matrix to be written as a variable of a MAT file.
 #[derive(Clone, Debug)]
 pub struct Matrix<'a> {
-    /// Name of the variable.
+    /// Name of the MATLAB variable.
     pub name: &'a str,
-    /// Rows of equal length.
+    /// Rows of equal length, in any unit.
     pub rows: &'a [Vec<f64>],
 }
 
@@ -41,7 +41,7 @@ fn variable(name: &str, rows: &[Vec<f64>], kind: i32) -> Vec<u8> {
     bytes
 }
 
-/// File content: matrices, and lists of names as character matrices.
+/// Content of a MAT file of level 4: matrices, and lists of names as character matrices.
 pub fn mat_file(matrices: &[Matrix<'_>], names: &[(&str, &[String])]) -> Vec<u8> {
     let numbers = matrices.iter().flat_map(|matrix| variable(matrix.name, matrix.rows, 0));
     let texts = names.iter().flat_map(|(name, lines)| text(name, lines));

@@ -17,16 +17,16 @@ pub(crate) fn by_name<S: Serializer>(strategy: &Strategy, to: S) -> Result<S::Ok
     to.serialize_str(strategy.name())
 }
 
-/// Run of one strategy along one course on one plant.
+/// Closed-loop simulation of one strategy along one course on one plant.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Strategy.
+    /// Control strategy.
     pub strategy: Strategy,
     /// Name of the course.
     pub course: String,
     /// Largest speed of the course \[m/s\].
     pub speed: f64,
-    /// All control periods.
+    /// All control periods, up to the stop of a stopped simulation.
     pub samples: Vec<Sample>,
     /// Sustained oscillation of the piston while its reference rested, and after the course's end if it may
     /// have begun there.
@@ -61,20 +61,20 @@ impl Run {
         Ok(run)
     }
 
-    /// Whether the course was completed and the piston came to rest where the reference rested. Only then
-    /// are its errors tracking errors.
+    /// Whether the course was completed and the piston came to rest where the reference rested. Only then are its
+    /// errors tracking errors.
     pub fn is_stable(&self) -> bool {
         self.sustained_oscillation.is_none() && self.stopped.is_none()
     }
 
-    /// Metrics of the run.
+    /// Tracking errors, effort and oscillation of the run.
     pub fn metrics(&self) -> Metrics {
         let mut metrics = Metrics::new();
         self.samples.iter().for_each(|sample| metrics.add(sample));
         metrics
     }
 
-    /// RMS and peak of the tracking error, or the sustained oscillation or stop in their place.
+    /// RMS and peak of the tracking error as text, or the sustained oscillation or the stop in their place.
     pub fn tracking(&self) -> String {
         let metrics = self.metrics();
         if let Some(reason) = &self.stopped {
@@ -106,17 +106,17 @@ impl Run {
     }
 }
 
-/// Row of a results table.
+/// Row of a results table: one strategy along one course on one plant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Name of the plant, `nominal` for the model itself.
     pub plant: String,
-    /// Strategy.
+    /// Control strategy.
     #[serde(serialize_with = "by_name")]
     pub strategy: Strategy,
     /// Name of the course.
     pub course: String,
-    /// Largest speed of the course.
+    /// Largest reference speed of the course \[mm/s\].
     pub speed_mm_s: f64,
     /// Whether the piston came to rest where its reference rested: false for a sustained oscillation or a
     /// stopped simulation.
@@ -124,30 +124,30 @@ pub struct Row {
     /// Whether the linearised closed loops of the strategy on the plant are stable. If one is not, small
     /// errors are due to friction that holds the piston, or to an oscillation limited by the motor.
     pub has_stable_loops: bool,
-    /// Reason why the simulation stopped before the course's end; it then has no errors.
+    /// Reason why the simulation stopped before the course's end; it then has no errors. None for a completed course.
     pub stopped: Option<String>,
-    /// Sustained oscillation, if any. The errors then measure the oscillation and not the tracking.
+    /// Sustained oscillation; none without one. The errors then measure the oscillation and not the tracking.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// Tracking error.
+    /// Tracking error; NaN for a stopped simulation.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// Effort and vibration.
+    /// Control effort and vibration of the tip.
     #[serde(flatten)]
     pub effort: Effort,
-    /// RMS error of the paper at this speed, measured on the real crane.
+    /// RMS error of the paper at this speed, measured on the real crane \[mm\]; none if the paper has none.
     pub paper_rms_mm: Option<f64>,
-    /// Peak error of the paper.
+    /// Peak error of the paper at this speed, measured on the real crane \[mm\]; none if the paper has none.
     pub paper_peak_mm: Option<f64>,
 }
 
 impl Row {
-    /// The same without the paper's values, which apply to its own crane only.
+    /// The row without the paper's values, which apply to its own crane only.
     #[must_use]
     pub fn without_paper(self) -> Self {
         Self { paper_rms_mm: None, paper_peak_mm: None, ..self }
     }
 
-    /// The same with the stability of the loops on its plant.
+    /// The row with the stability of the strategy's loops on its plant.
     #[must_use]
     pub fn with_loops(self, loops: &[LoopStability]) -> Self {
         let stable = loops.iter().filter(|of| of.is_of(self.strategy)).all(|of| of.stable);
@@ -161,7 +161,7 @@ impl Row {
         format!("{}{mark}", self.strategy.name())
     }
 
-    /// Row of a run on the named plant.
+    /// Row of a run on the named plant, with the paper's values for its speed.
     pub fn of(plant: &str, run: &Run) -> Self {
         let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());
         let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));
@@ -191,16 +191,16 @@ impl Row {
 /// Mark behind the name of a strategy whose loop is unstable.
 pub const UNSTABLE_MARK: &str = " (!)";
 
-/// Explanation of [`UNSTABLE_MARK`].
+/// Explanation of [`UNSTABLE_MARK`], as a sentence below a table.
 pub const REMARK_ON_MARK: &str = "(!): its closed loop is unstable, linearised, or the run was in sustained oscillation or stopped; its errors and effort are no merit.";
 
-/// That explanation if a row is marked.
+/// [`REMARK_ON_MARK`] if at least one row is marked, else none.
 pub fn remark_on_mark(rows: &[Row]) -> Option<&'static str> {
     let is_marked = rows.iter().any(|row| !(row.stable && row.has_stable_loops));
     is_marked.then_some(REMARK_ON_MARK)
 }
 
-/// Remarks on runs in sustained oscillation and on stopped runs, a sentence each.
+/// Remarks on runs in sustained oscillation and on stopped runs, a sentence each; empty if there are none.
 pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
     let remark = |row: &Row| {
         let what = match (&row.stopped, row.sustained_oscillation) {
@@ -216,8 +216,8 @@ pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
     rows.iter().filter_map(remark).collect()
 }
 
-/// Runs one strategy along a course, with the controller every control period and the cranes every
-/// simulation period.
+/// Simulates one strategy along a course, with the controller every control period and the cranes every simulation
+/// period.
 ///
 /// Controller and simulated crane use the `model` only. They control the `plant`, measured by its sensors.
 ///
@@ -243,8 +243,8 @@ pub fn run(
     Ok(run)
 }
 
-/// The same for a crane whose state may leave the model's range of validity: the run then ends there and is
-/// [`stopped`](Run::stopped).
+/// Simulates one strategy along a course as [`run`], on a crane whose state may leave the model's range of validity.
+/// The simulation then ends there and is [`stopped`](Run::stopped).
 ///
 /// # Errors
 ///
@@ -263,7 +263,7 @@ pub fn attempted(
     Run::ended(model, plant, (strategy, course), samples, end)
 }
 
-/// All strategies along a course, vectorised if the plant allows it, including stopped runs.
+/// Simulates all strategies along a course, vectorised if the plant allows it, including stopped runs.
 ///
 /// # Errors
 ///
@@ -290,8 +290,7 @@ fn count(model: &Description, course: &dyn Course) -> usize {
     (course.duration() / model.numbers.control_period) as usize + 2
 }
 
-/// The frequency \[Hz\] at which p_A oscillates after the start of constant velocity, from a velocity
-/// feedforward run.
+/// Frequency \[Hz\] of the oscillation of p_A after the start of the cruise, from a run under velocity feedforward.
 ///
 /// # Errors
 ///

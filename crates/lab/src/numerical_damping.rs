@@ -16,19 +16,18 @@ use hydroboom_plant::{flatten, unflatten};
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 
-/// Result of one scheme with one step.
+/// Numerical damping and frequency error of one integration scheme with one step.
 #[derive(Clone, Debug, Serialize)]
 pub struct NumericalDamping {
-    /// Name of the scheme.
+    /// Name of the integration scheme.
     pub scheme: String,
-    /// Integration step.
+    /// Integration step \[us\].
     pub step_us: f64,
-    /// Damping ratio that the scheme adds to the crane's lowest mode; negative if it excites the
-    /// oscillation.
+    /// Damping ratio that the scheme adds to the crane's lowest mode \[-\]; negative if it excites the oscillation.
     pub damping_ratio: f64,
-    /// Relative error of the mode's frequency.
+    /// Relative error of the mode's frequency \[-\].
     pub frequency_error: f64,
-    /// Observed order of convergence of the mode's error between this step and half of it; none if rounding
+    /// Observed order of convergence \[-\] of the mode's error between this step and half of it; none if rounding
     /// dominates.
     pub order: Option<f64>,
 }
@@ -38,7 +37,7 @@ const SEGMENTS: usize = 3;
 /// Relative errors below this are due to rounding.
 const ROUNDING: f64 = 1e-10;
 
-/// The crane without any loss: friction, structural damping, pump leakage.
+/// Description of the crane without any loss: friction, structural damping, pump leakage.
 ///
 /// # Errors
 ///
@@ -56,7 +55,8 @@ pub fn lossless(description: &Description) -> Result<Description, LabError> {
     Ok(lossless)
 }
 
-/// The schemes with their usual steps, on the lossless crane of three segments with its load held.
+/// Numerical damping of the integration schemes with their usual steps, on the lossless crane of three segments with
+/// its load held.
 ///
 /// # Errors
 ///

@@ -3,7 +3,7 @@
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference, RangeSource};
 
-/// Table 5: strokes \[mm\].
+/// Table 5: piston positions \[mm\].
 pub const EIGEN_STROKE_MM: [f64; 3] = [100.0, 200.0, 400.0];
 /// Table 5: simulated eigenfrequencies \[Hz\].
 pub const EIGEN_SIMULATED_HZ: [f64; 3] = [3.25, 3.16, 2.94];
@@ -11,7 +11,7 @@ pub const EIGEN_SIMULATED_HZ: [f64; 3] = [3.25, 3.16, 2.94];
 pub const EIGEN_MEASURED_HZ: [f64; 3] = [3.19, 3.18, 3.10];
 /// Table 6: frequency of the simulated p_A oscillation during the fast motion \[Hz\].
 pub const PRESSURE_OSCILLATION_HZ: f64 = 2.2404;
-/// Table 6: frequency of the measured one \[Hz\].
+/// Table 6: frequency of the measured p_A oscillation during the fast motion \[Hz\].
 pub const PRESSURE_OSCILLATION_MEASURED_HZ: f64 = 2.2744;
 /// Table 6: differences, crane minus simulation, between the real crane and the paper's simulation at the
 /// fast speed, (signal, unit, peak, RMS).
@@ -23,7 +23,7 @@ pub const TABLE_6: [(&str, &str, f64, f64); 6] = [
     ("p_PB", "bar", 1.3490, 0.5270),
     ("p_acc", "bar", 0.3039, 0.2379),
 ];
-/// Section 5.3: speeds \[mm/s\].
+/// Section 5.3: slow and fast speed of the piston \[mm/s\].
 pub const SPEEDS_MM_S: [f64; 2] = [25.0, 120.0];
 /// Tables 7 to 9: RMS and peak tracking errors \[mm\] on the real crane at both speeds, in the
 /// order of [`Strategy::ALL`](hydroboom_control::strategy::Strategy::ALL).
@@ -34,7 +34,8 @@ pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
     ([0.18, 0.37], [-0.88, -1.55]),
 ];
 
-/// RMS and peak of a published strategy at both speeds; none for strategies that are not in the paper.
+/// RMS and peak tracking error \[mm\] of a published strategy on the real crane, each at both speeds (Tables 7 to 9);
+/// none for strategies that are not in the paper.
 pub fn tracking_mm(strategy: Strategy) -> Option<([f64; 2], [f64; 2])> {
     TRACKING_MM.get(strategy as usize).copied()
 }
@@ -51,7 +52,7 @@ pub const IMPROVEMENT_CLOSED_LOOP_PERCENT: [f64; 2] = [16.37, 11.89];
 pub const STATED_EIGENFREQUENCY_PERCENT: f64 = 97.0;
 /// Abstract: deviation of the simulated piston position as a share of the stroke \[%\].
 pub const STATED_POSITION_PERCENT: f64 = 1.2;
-/// Conclusions: the same as an RMS \[mm\].
+/// Conclusions: RMS deviation of the simulated piston position \[mm\].
 pub const STATED_POSITION_MM: f64 = 5.85;
 /// Abstract: reduction of the RMS tracking error in open loop, at the slow speed \[%\].
 pub const STATED_OPEN_LOOP_PERCENT: f64 = 83.0;

@@ -46,7 +46,7 @@ pub(crate) fn row(contents: Contents, has_reference: bool, sample: &Sample) -> V
     row
 }
 
-/// Writes a run in the format of `virtual --log --truth`, every control period.
+/// Writes a run in the format of `hydroboom virtual --log --truth`, a row every control period.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Simulation of a crane under a given input, written as CSV.
+//! Open-loop simulation of a crane under a given input, written as CSV.
 
 use crate::closed_loop::scenario::{Course, due};
 use crate::log::{self, Log};
@@ -11,13 +11,13 @@ use std::path::Path;
 /// Longest recorded input \[B\]: one day of rows every 10 ms.
 const LONGEST: u64 = 500_000_000;
 
-/// Recorded input: motor speed and valve, each constant until the next row.
+/// Recorded input of motor speed \[rev/s\] and load-holding valve, each constant until the next row (zero-order hold).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     rows: Vec<(f64, Input<f64>)>,
 }
 
-/// Input of a simulation.
+/// Input of an open-loop simulation.
 pub enum Drive {
     /// Velocity feedforward along a course with its load changes.
     Course(Box<dyn Course>),
@@ -27,24 +27,25 @@ pub enum Drive {
     Constant(Input<f64>, f64),
 }
 
-/// Settings of a simulation.
+/// Initial state, integration and log of an open-loop simulation.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Initial piston position \[m\].
     pub start_stroke: f64,
-    /// Integration scheme.
+    /// Integration scheme, with which the crane is simulated.
     pub scheme: Scheme,
     /// Integration step \[s\].
     pub step: f64,
     /// Interval between rows of the log \[s\].
     pub log_interval: f64,
-    /// Whether the simulation starts with an open load-holding valve and a pre-loaded pump.
+    /// Whether the simulation starts with an open load-holding valve and the pump side pre-loaded as the crane file
+    /// states; otherwise the pre-load is zero.
     pub preloaded: bool,
 }
 
 impl Recording {
-    /// Reads `time_s, motor_speed_rpm, valve` with a header line. Without a valve column the valve is
-    /// energised.
+    /// Reads a recorded input from a CSV file with the columns `time_s`, `motor_speed_rpm` and, if present, `valve` (1
+    /// is energised). Without a valve column the valve is energised.
     ///
     /// # Errors
     ///
@@ -105,7 +106,7 @@ impl Recording {
         self.rows[self.rows.len() - 1].0 - self.rows[0].0
     }
 
-    /// Input at a time \[s\] since the first row.
+    /// Input at a time \[s\] since the first row: that of the last row up to this time.
     pub fn at(&self, time: f64) -> Input<f64> {
         let first = self.rows[0].0;
         let next = self.rows.partition_point(|(t, _)| *t <= first + time);
@@ -140,15 +141,15 @@ fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
     row
 }
 
-/// Result of a simulation.
+/// Result of an open-loop simulation.
 pub struct Simulated {
-    /// The crane at the end.
+    /// The crane in its final state.
     pub crane: Box<dyn Plant>,
-    /// Whether a requested log was written; success if none was requested.
+    /// Error of writing the requested log; success if none was requested.
     pub log: Result<(), FileError>,
 }
 
-/// Simulates and writes a log. `progress` receives the share done.
+/// Simulates a crane under a given input and writes a log. `progress` receives the share done.
 ///
 /// # Errors
 ///

@@ -25,115 +25,118 @@ pub const NOMINAL: &str = "nominal";
 /// Name of the embedded plant that differs from the model.
 pub const OFF: &str = "off-model";
 
-/// Name of the virtual crane as a plant.
+/// Name of the virtual crane, which represents the real one, as a plant.
 pub const VIRTUAL: &str = "virtual";
 
-/// Default step of the implicit scheme \[s\].
+/// Default integration step of the implicit scheme \[s\].
 pub const IMPLICIT_STEP: f64 = 500e-6;
 
-/// RMS and peak difference of one signal, plant minus published model, both under velocity feedforward.
+/// RMS and peak difference of one signal, plant minus published model, both under velocity feedforward (Table 6).
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
-    /// Name of the signal in the paper.
+    /// Symbol of the signal in the paper.
     pub signal: String,
-    /// Its unit.
+    /// Unit of all differences.
     pub unit: String,
-    /// RMS difference of the virtual crane, if there is one.
+    /// RMS difference of the virtual crane, in the unit of the field `unit`; none without a virtual crane.
     pub virtual_rms: Option<f64>,
-    /// Peak difference of the virtual crane.
+    /// Peak difference of the virtual crane with its sign, in the unit of the field `unit`; none without a virtual
+    /// crane.
     pub virtual_peak: Option<f64>,
-    /// RMS difference of the off-model plant.
+    /// RMS difference of the off-model plant, in the unit of the field `unit`.
     pub off_model_rms: f64,
-    /// Peak difference of the off-model plant.
+    /// Peak difference of the off-model plant with its sign, in the unit of the field `unit`.
     pub off_model_peak: f64,
-    /// RMS difference between the real crane and the paper's simulation; none for another crane.
+    /// RMS difference between the real crane and the paper's simulation, in the unit of the field `unit`; none for
+    /// another crane.
     pub paper_rms: Option<f64>,
-    /// Peak difference of the paper.
+    /// Peak difference between the real crane and the paper's simulation, in the unit of the field `unit`; none for
+    /// another crane.
     pub paper_peak: Option<f64>,
 }
 
 /// Energy balance, and numerical damping of the integration schemes.
 #[derive(Clone, Debug, Serialize)]
 pub struct EnergyResults {
-    /// Energy balances of a motion cycle.
+    /// Energy balances of a motion cycle, one for each scheme and step.
     pub audits: Vec<Audit>,
-    /// Damping and order of the schemes.
+    /// Numerical damping and order of the integration schemes.
     pub numerical_damping: Vec<NumericalDamping>,
 }
 
-/// Stability of the strategies' linearised closed loops on a plant.
+/// Stability of the linearised closed loops of the strategies on one plant.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlantLoops {
     /// Name of the plant.
     pub plant: &'static str,
-    /// Loops on the plant.
+    /// Stability of each strategy's loop on the plant.
     pub loops: Vec<LoopStability>,
 }
 
-/// All results of the study.
+/// Results of all experiments of the paper, repeated with this model.
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
     /// Name of the crane.
     pub crane: String,
     /// Whether it is the paper's crane; the paper's values are shown for no other.
     pub is_papers_crane: bool,
-    /// Main claims of the paper.
+    /// Main claims of the paper with the corresponding figures of this model.
     pub claims: Vec<Claim>,
-    /// Mean accuracy of this model's eigenfrequencies compared with the paper's measurements \[%\]; none
-    /// for another crane.
+    /// Mean accuracy of this model's eigenfrequencies compared with the paper's measurements \[%\]; none for another
+    /// crane.
     pub eigenfrequency_accuracy_percent: Option<f64>,
-    /// Table 5.
+    /// Eigenfrequencies at the piston positions of Table 5.
     pub eigenfrequency: Vec<eigenfrequency::Row>,
-    /// Eigenfrequencies of the virtual crane at the same positions, if there is one.
+    /// Eigenfrequencies of the virtual crane at the same positions \[Hz\]; none without a virtual crane.
     pub virtual_eigenfrequency_hz: Option<[f64; 3]>,
-    /// Tables 7 to 9 on all plants.
+    /// Tracking errors of Tables 7 to 9 on all plants.
     pub motion: Vec<Row>,
     /// Whether all linearised loops are stable, and no run was in sustained oscillation or stopped.
     pub stable: bool,
-    /// Loops on each plant.
+    /// Stability of the linearised closed loops on each plant.
     pub loops: Vec<PlantLoops>,
     /// Loops that are unstable on the ideal nominal or off-model plant, but stable with the lags of a drive
     /// and a fieldbus.
     pub stable_with_expected_lags: Vec<LoopStability>,
-    /// Remark on the benchmark's gains, if any.
+    /// Remark on the benchmark's gains; none for no remark.
     pub remark_on_gains: Option<String>,
-    /// Frequency of the p_A oscillation with open valve, not fitted. None if the motion contains less than
-    /// two whole periods of it.
+    /// Frequency of the p_A oscillation with open valve \[Hz\], not fitted. None if the motion contains less than two
+    /// whole periods of it.
     pub pressure_oscillation_hz: Option<f64>,
-    /// Simulated value of the paper; none for another crane.
+    /// Frequency of the p_A oscillation simulated in the paper (Table 6) \[Hz\]; none for another crane.
     pub paper_pressure_oscillation_hz: Option<f64>,
-    /// Value of the virtual crane.
+    /// Frequency of the p_A oscillation of the virtual crane \[Hz\]; none without one.
     pub virtual_pressure_oscillation_hz: Option<f64>,
-    /// Measured value of the paper.
+    /// Frequency of the p_A oscillation measured in the paper (Table 6) \[Hz\]; none for another crane.
     pub paper_measured_pressure_oscillation_hz: Option<f64>,
-    /// Table 6; empty if a run of the comparison stopped.
+    /// Differences of Table 6; empty if a run of the comparison stopped.
     pub differences: Vec<Difference>,
     /// Effect of the second damping, on the nominal plant and on the virtual crane.
     pub double_damping: Vec<DoubleDamping>,
-    /// Energy.
+    /// Energy balances and numerical damping.
     pub energy: EnergyResults,
-    /// Work-precision trials.
+    /// Error and computing time of the integration schemes over the step.
     pub work_precision: Vec<Point>,
-    /// Overrides that define the off-model plant.
+    /// Overrides `section.key=value` that define the off-model plant.
     pub off_model: Vec<String>,
-    /// Runs for figures: nominal, then off-model, then virtual.
+    /// Runs for figures, each with the name of its plant: nominal, then off-model, then virtual.
     #[serde(skip)]
     pub runs: Vec<(String, Run)>,
-    /// Published model along the virtual crane's fast motion, for figures 18 to 23.
+    /// Published model along the virtual crane's fast motion, for figures 18 to 23; none without a virtual crane.
     #[serde(skip)]
     pub alongside: Option<Run>,
-    /// Locked-valve oscillation for figure 17 at the middle stroke.
+    /// Locked-valve oscillation for figure 17 at the middle piston position.
     #[serde(skip)]
     pub oscillation: Option<eigenfrequency::Oscillation>,
 }
 
 impl Study {
-    /// Remarks on unstable loops, a sentence each.
+    /// Remarks on unstable loops, a sentence each; empty if all are stable.
     pub fn unstable_loops(&self) -> Vec<String> {
         said_of_unstable(&self.loops, &self.stable_with_expected_lags)
     }
 
-    /// Run of a strategy at a speed \[mm/s\] on a plant.
+    /// Run of a strategy at a speed \[mm/s\] on a plant; none if there is no such run.
     pub fn run(&self, plant: &str, strategy: Strategy, speed_mm_s: f64) -> Option<&Run> {
         self.runs
             .iter()

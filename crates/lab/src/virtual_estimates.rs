@@ -45,17 +45,17 @@ const PAYLOAD: usize = 0;
 /// Names of the innovations with their units, and these units in SI units.
 const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
 
-/// Estimate and true value in the unit of the name.
+/// Estimate of one quantity compared with its true value, in the unit at the end of its name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Compared {
-    /// Estimate at the end.
+    /// Estimate at the end of the run, in the unit of the name.
     pub estimated: f64,
-    /// Its standard deviation; none for the drive's lag, which is estimated by recursive least squares.
+    /// Standard deviation of the estimate; none for the drive's lag, which is estimated by recursive least squares.
     pub deviation: Option<f64>,
-    /// True value at the end; none if the crane has no such quantity.
+    /// True value at the end of the run; none if the crane has no such quantity.
     #[serde(rename = "true")]
     pub true_value: Option<f64>,
-    /// RMS error over the run.
+    /// RMS error over the run; none without a true value.
     pub rms_error: Option<f64>,
 }
 
@@ -64,7 +64,7 @@ pub struct Compared {
 pub struct EstimateSummary([Compared; QUANTITIES.len()]);
 
 impl EstimateSummary {
-    /// Estimates with their names, which end in the unit.
+    /// Names of the quantities, which end in the unit, and their estimates.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Compared)> {
         QUANTITIES.iter().map(|(name, _)| *name).zip(&self.0)
     }

@@ -19,7 +19,7 @@ use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
 use std::path::Path;
 
-/// Task of the virtual crane.
+/// Input or course of the virtual crane in a run.
 #[derive(Clone)]
 pub enum Task<'a> {
     /// Course under one of the strategies, which use the model only.
@@ -38,7 +38,7 @@ pub enum Task<'a> {
 /// Duration of the oscillation test \[s\].
 const OSCILLATION: f64 = 4.0;
 
-/// Contents of a log.
+/// Columns of a log: measured signals, true states, or both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
     /// Signals that a data acquisition measures.
@@ -58,46 +58,46 @@ impl Contents {
     }
 }
 
-/// Log to be written.
+/// Log to be written by a run.
 #[derive(Clone, Copy, Debug)]
 pub struct LogOrder<'a> {
     /// Path of the file.
     pub path: &'a Path,
-    /// Contents.
+    /// Measured signals, true states, or both.
     pub contents: Contents,
-    /// Whether it includes the state estimator's outputs.
+    /// Whether the log includes the state estimator's outputs.
     pub estimates: bool,
     /// Interval between rows \[s\].
     pub interval: f64,
 }
 
-/// Summary of a run.
+/// Results at the end of a run of the virtual crane.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Summary {
-    /// Duration.
+    /// Duration of the run \[s\].
     pub duration_s: f64,
     /// Tracking error; NaN for a recorded input.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// Whether it came to rest where its reference rested; none for a recorded input.
+    /// Whether the piston came to rest where its reference rested; none for a recorded input.
     pub stable: Option<bool>,
     /// Sustained oscillation while the reference rested, and after the course's end if it may have begun
     /// there.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// True piston position at the end.
+    /// True piston position at the end \[mm\].
     pub stroke_mm: f64,
-    /// True piston-side pressure at the end.
+    /// True piston-side pressure at the end \[bar\], gauge.
     pub pressure_a_bar: f64,
-    /// Largest torque of the motor.
+    /// Largest motor torque of the run \[N m\].
     pub torque_nm: f64,
-    /// Oil temperature at the end.
+    /// Oil temperature at the end \[°C\].
     pub oil_c: f64,
-    /// State estimator's outputs at the end; none for a crane without such a design.
+    /// Estimates of the state estimator at the end; none for a crane without such a design.
     pub estimates: Option<EstimateSummary>,
 }
 
-/// Runs the virtual crane and writes the ordered logs. Returns the logs that could not be written, with the
-/// reasons. `progress` receives the share done.
+/// Simulates the virtual crane in a task and writes the requested logs. Returns the summary, and the logs that could
+/// not be written with the reasons. `progress` receives the share done.
 ///
 /// # Errors
 ///

@@ -12,10 +12,10 @@ use rand_pcg::Pcg64Mcg;
 /// Number of poses over the motion.
 const POSES: usize = 5;
 
-/// Settings of a survey of a virtual crane.
+/// Settings of the simulated survey of a virtual crane's tip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurveyOrder {
-    /// Payloads \[kg\].
+    /// Payloads with which the tip is surveyed \[kg\].
     pub loads: [f64; 2],
     /// Standard deviation of each surveyed coordinate \[m\].
     pub deviation: f64,
@@ -23,7 +23,8 @@ pub struct SurveyOrder {
     pub seed: u64,
 }
 
-/// Surveys a virtual crane: stroke as measured by its encoder, true tip position plus noise.
+/// Simulates the survey of a virtual crane's tip: piston position as measured by its encoder, true tip position plus
+/// normal noise.
 ///
 /// # Errors
 ///

@@ -8,7 +8,7 @@ use hydroboom_model::{Crane, CraneState, Input, Scheme};
 use serde::Serialize;
 use std::time::Instant;
 
-/// Motor input of a trial.
+/// Motor speed over time with which the integration schemes are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Excitation {
@@ -20,7 +20,7 @@ pub enum Excitation {
 }
 
 impl Excitation {
-    /// Both excitations.
+    /// All excitations, in the order of tables.
     pub const ALL: [Self; 2] = [Self::Motion, Self::SpeedSteps];
 
     /// Name in tables.
@@ -32,20 +32,20 @@ impl Excitation {
     }
 }
 
-/// Result of one scheme with one step.
+/// Error and computing time of one integration scheme with one step under one excitation.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
-    /// Motor input.
+    /// Motor speed over time.
     pub excitation: Excitation,
-    /// Integration scheme.
+    /// Name of the integration scheme.
     pub scheme: String,
-    /// Integration step.
+    /// Integration step \[us\].
     pub step_us: f64,
-    /// Largest error of the piston position over the motion; infinite if the scheme diverged.
+    /// Largest error of the piston position over the motion \[mm\]; infinite if the scheme diverged.
     pub stroke_error_mm: f64,
-    /// Largest error of the pressure on the piston side.
+    /// Largest error of the piston-side pressure over the motion \[bar\]; infinite if the scheme diverged.
     pub pressure_error_bar: f64,
-    /// Computing time per simulated second.
+    /// Computing time per simulated second \[ms/s\].
     pub time_ms_per_s: f64,
 }
 
@@ -57,7 +57,8 @@ const INTERVAL: f64 = 2e-3;
 /// Motor speed over that of the fast motion in each quarter of the trial with steps.
 const STEPS: [f64; 4] = [0.0, 1.0, -1.0, 0.0];
 
-/// Runs the schemes without substeps, so that their own stability limits show.
+/// Error and computing time of the integration schemes over the step, without substeps, so that their own stability
+/// limits show.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Logged channels.
+//! Channels of a log: samples of one quantity over time, as logged.
 
 use crate::error::MeasurementError;
 use crate::heading::Heading;
@@ -11,16 +11,16 @@ use std::sync::Arc;
 /// Largest number of channels listed in a message.
 const MOST_NAMED: usize = 40;
 
-/// The samples of one logged quantity.
+/// Samples of one logged quantity over time, as logged: in the log's unit, without resampling.
 #[derive(Clone, Debug)]
 pub struct Channel {
-    /// Name, without its unit.
+    /// Name from the heading, without its unit.
     pub name: String,
-    /// The column's heading, as logged.
+    /// Heading of the column, with its unit, as logged.
     pub heading: String,
-    /// Unit, if the log states it.
+    /// Unit; none if the log states no known one.
     pub unit: Option<Unit>,
-    /// The text that the log states as the unit, if it is no known unit.
+    /// Text that the log states as the unit, if it is no known unit; else none.
     pub unknown_unit: Option<String>,
     /// Times \[s\], non-decreasing; shared by channels that were sampled together.
     pub time: Arc<[f64]>,
@@ -31,18 +31,27 @@ pub struct Channel {
     pub values: Vec<f64>,
 }
 
-/// A part of a channel without a step of its clock.
+/// Part of a channel between two steps of its clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// Time of its first sample \[s\].
     pub begin: f64,
     /// Time of its last sample \[s\].
     pub end: f64,
-    /// Number of samples.
+    /// Number of samples in the segment.
     pub samples: usize,
 }
 
-/// A log with all of its channels.
+/// A log with all of its channels, as read from a file.
+///
+/// ```
+/// let path = std::env::temp_dir().join(format!("hydroboom-measurement-{}.csv", std::process::id()));
+/// std::fs::write(&path, "t [s],p_A [bar]\n0.0,80\n0.1,81\n0.2,82\n")?;
+/// let log = hydroboom_measurement::read(&path, None)?;
+/// assert_eq!(log.channel("p_A").map(|channel| channel.values.clone()), Some(vec![80.0, 81.0, 82.0]));
+/// std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Measurement {
     /// Name of the file.
@@ -55,26 +64,28 @@ pub struct Measurement {
     pub time: Option<TimeColumn>,
 }
 
-/// Smallest, mean and largest valid value.
+/// Smallest, mean and largest finite value of a channel, in the log's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// Smallest.
+    /// Smallest value \[unit of the log\].
     pub low: f64,
-    /// Mean.
+    /// Arithmetic mean over the samples \[unit of the log\].
     pub mean: f64,
-    /// Largest.
+    /// Largest value \[unit of the log\].
     pub high: f64,
-    /// Number of missing values.
+    /// Number of missing samples, which are NaN.
     pub missing: usize,
 }
 
 impl Channel {
-    /// A channel whose unit is stated in its heading or not at all.
+    /// Channel whose unit is stated in its heading or not at all. `time` \[s\] is non-decreasing and as long as
+    /// `values`, which are in the log's unit.
     pub fn new(heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
         Self::of(Heading::parse(heading), heading, time, values)
     }
 
-    /// A channel whose unit is stated apart from its heading; if `unit` is empty, the heading's unit applies.
+    /// Channel whose unit is stated apart from its heading; if `unit` is empty, the heading's unit applies. `time`
+    /// \[s\] is non-decreasing and as long as `values`.
     pub fn with_unit(heading: &str, unit: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
         Self::of(Heading::with_unit(heading, unit), heading, time, values)
     }
@@ -86,12 +97,12 @@ impl Channel {
         Self { name, heading: heading.into(), unit, unknown_unit, time, breaks, values }
     }
 
-    /// The channel with segments that begin at the sample indices `breaks`, in increasing order.
+    /// The channel, divided into segments that begin at the sample indices `breaks`, in increasing order.
     pub fn broken_at(self, breaks: Arc<[usize]>) -> Self {
         Self { breaks, ..self }
     }
 
-    /// The segments in order of time.
+    /// Segments in order of time; a single one without a step of the clock.
     pub fn segments(&self) -> Vec<Segment> {
         let begins = std::iter::once(0).chain(self.breaks.iter().copied());
         let ends = self.breaks.iter().copied().chain([self.time.len()]);
@@ -102,7 +113,7 @@ impl Channel {
         begins.zip(ends).filter_map(segment).collect()
     }
 
-    /// Smallest, mean and largest value; `None` if all values are missing.
+    /// Smallest, mean and largest finite value; none if all samples are missing.
     pub fn range(&self) -> Option<Range> {
         let there = || self.values.iter().filter(|v| v.is_finite());
         let count = there().count();
@@ -116,7 +127,7 @@ impl Channel {
 }
 
 impl Measurement {
-    /// Headings of all channels, for messages.
+    /// Headings of all channels as one text, for messages.
     pub fn headings(&self) -> String {
         let more = self.channels.len().saturating_sub(MOST_NAMED);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };

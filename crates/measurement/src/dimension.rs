@@ -42,7 +42,7 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// Name with its article, for messages.
+    /// Name of the dimension with its article, as "a pressure", for messages.
     pub fn words(self) -> &'static str {
         match self {
             Self::Length => "a length",

@@ -29,7 +29,8 @@ const OWN: f64 = 0.9;
 const ALTERNATIVE: f64 = 0.75;
 
 impl Mapping {
-    /// Assigns columns to signals by their names, units and magnitudes.
+    /// Assigns columns to signals by their names, units and magnitudes: for each signal the column of the highest
+    /// score. A signal for which several columns have the same name and score stays without one.
     pub fn guess(log: &Measurement) -> Self {
         let mut candidates: Vec<(f64, Signal, &Channel)> = Vec::new();
         for channel in &log.channels {

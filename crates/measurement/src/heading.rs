@@ -3,14 +3,14 @@
 use crate::dimension::Dimension;
 use crate::unit::Unit;
 
-/// A column's heading: its name, and the unit that is stated in it.
+/// Heading of a column, divided into name and unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Heading {
-    /// Name, without its unit.
+    /// Name of the quantity, without its unit.
     pub name: String,
-    /// Stated unit.
+    /// Stated unit; none if the heading states none, or no known one.
     pub unit: Option<Unit>,
-    /// Text stated as a unit that is no known unit.
+    /// Text stated as a unit that is no known unit; else none.
     pub unknown_unit: Option<String>,
 }
 

@@ -8,7 +8,7 @@ use crate::signals::Signals;
 use crate::suspicion::Suspicion;
 use crate::unit::Unit;
 
-/// Expected magnitudes of a crane's signals.
+/// Magnitudes that a crane's model predicts for its signals, to judge guessed units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
     /// Smallest and largest piston-side pressure in equilibrium over the stroke \[Pa\].
@@ -27,8 +27,9 @@ const PRESSURES: [&str; 6] = ["bar", "MPa", "psi", "kPa", "mbar", "Pa"];
 const ROTATIONS: [&str; 4] = ["rpm", "rad/s", "rev/s", "deg/s"];
 
 impl Mapping {
-    /// Guessed units whose magnitudes do not fit the crane, with the unit that would fit. Checked are the load pressure
-    /// against equilibrium, and the motor speed against the piston speed. Stated units are not questioned.
+    /// Guessed units whose magnitudes do not fit the crane, with the unit that would fit. Checked are the load
+    /// pressure against equilibrium, and the motor speed against the piston speed. A unit is doubted if measured and
+    /// expected magnitude differ by more than a factor of 3 (estimate). Units that the log states are not questioned.
     pub fn unit_suspicions(&self, log: &Measurement, expected: &Expected) -> Vec<Suspicion> {
         let mut found = Vec::new();
         let pressures = [Signal::PressureA, Signal::PressurePumpA];

@@ -8,23 +8,23 @@ use crate::time_column::TimeColumn;
 use crate::unit::{Unit, UnitError};
 use std::collections::BTreeMap;
 
-/// The column of a signal: `signal = sign (scale column + offset)` in a unit, logged with a delay and by a clock
-/// with a rate error.
+/// Conversion of a column to a signal: `signal = sign (scale column + offset)` in a unit, logged with a delay and by a
+/// clock with a rate error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Heading or name of the column.
     pub column: String,
     /// Unit after scale and offset; `None` for the unit stated in the log.
     pub unit: Option<Unit>,
-    /// Factor on the column.
+    /// Factor on the column, in the unit per unit of the column.
     pub scale: f64,
     /// 1, or −1 if the column has the opposite sign.
     pub sign: f64,
     /// Offset added to the scaled column, in the unit.
     pub offset: f64,
-    /// Delay of the column \[s\].
+    /// Time by which the logged times are late, relative to sampling \[s\].
     pub delay: f64,
-    /// Relative rate error of the column's clock: it counts 1 + drift seconds in one.
+    /// Relative rate error of the column's clock \[-\]: it counts 1 + drift seconds in one second.
     pub drift: f64,
     /// Time constant of the first-order filter in the measurement chain \[s\]; zero for none.
     pub filter: f64,
@@ -39,12 +39,12 @@ pub struct Entry {
 pub struct Mapping {
     /// The time column, if it is not found by its name.
     pub time: TimeColumn,
-    /// Column of each signal.
+    /// Column of each assigned signal, with its conversion.
     pub entries: BTreeMap<Signal, Entry>,
 }
 
 impl Entry {
-    /// A column without scale, offset, delay or filter.
+    /// Entry of a column without scale, offset, delay or filter, whose unit is that of the log.
     pub fn of(column: &str) -> Self {
         Self {
             column: column.into(),
@@ -60,12 +60,14 @@ impl Entry {
         }
     }
 
-    /// True sampling time \[s\] of a sample that is logged at `time` in a channel that begins at `begin` \[s\].
+    /// True sampling time \[s\] of a sample that is logged at `time` \[s\]: begin + (time − begin)/(1 + drift) −
+    /// delay, where `begin` \[s\] is the first time of the channel.
     pub fn taken(&self, time: f64, begin: f64) -> f64 {
         begin + (time - begin) / (1.0 + self.drift) - self.delay
     }
 
-    /// Converts a number of the column with this unit to SI units.
+    /// Value of the signal in SI units (rotation in rev/s) for a number of the column, with this unit after scale and
+    /// offset.
     pub fn si(&self, unit: &Unit, number: f64) -> f64 {
         unit.si(self.sign * (self.scale * number + self.offset))
     }
@@ -75,7 +77,7 @@ impl Entry {
     ///
     /// # Errors
     ///
-    /// The reason and the remedy, if the log states a unit that is unknown or of another dimension.
+    /// Text with the reason and the remedy, if the log states a unit that is unknown or of another dimension.
     pub fn unit_of(&self, signal: Signal, channel: &Channel) -> Result<(Unit, bool), String> {
         if let Some(unit) = self.unit {
             return Ok((unit, self.is_unit_guessed));
@@ -128,8 +130,8 @@ impl Mapping {
         }
     }
 
-    /// Like [`Self::completed`], but leaves out columns whose unit is unknown or of another dimension, and returns
-    /// the reason for each.
+    /// Completes the mapping as [`Self::completed`], but leaves out columns whose unit is unknown or of another
+    /// dimension, and returns the reason for each.
     ///
     /// # Errors
     ///
@@ -166,7 +168,8 @@ impl Mapping {
         Ok((self, refused))
     }
 
-    /// Units assumed by magnitude because none is stated, as sentences with the line that states them.
+    /// Units assumed by magnitude because the log states none: a sentence each, with the line of a mapping that states
+    /// them.
     pub fn assumptions(&self, log: &Measurement) -> Vec<String> {
         let mut said = Vec::new();
         for (signal, entry) in &self.entries {

@@ -15,7 +15,8 @@ const KEYS: &str = "column, unit, scale, sign, offset, delay_ms, drift_ppm, filt
 const TIME_KEYS: &str = "column, unit, scale, offset";
 
 impl Mapping {
-    /// Reads the `[log]` table of a TOML text; keys are signals, values a column's name or a table.
+    /// Mapping from the `[log]` table of a TOML text; keys are signals, values a column's name or a table. `file` is
+    /// the name of the text in messages.
     ///
     /// # Errors
     ///

@@ -16,9 +16,11 @@ const SPEEDS: f64 = 5.0;
 const MOST: f64 = 0.01;
 
 impl Mapping {
-    /// Replaces samples outside the range of any sensor by NaN: lost telegrams, such as -9999 or 65535. The
-    /// ranges are those of a cylinder with a stroke \[m\] and a motor with a largest speed \[rev/s\]. Adds
-    /// a remark with count and place for each signal.
+    /// Replaces samples outside the range of any sensor by NaN: lost telegrams, such as -9999 or 65535. The ranges are
+    /// those of a cylinder with a stroke \[m\] and a motor with a largest speed \[rev/s\]. A signal with more than 1 %
+    /// of such samples is left as it is, because another unit or signal is likelier.
+    ///
+    /// Returns a remark for each changed signal, with number and place of its outliers.
     pub fn without_outliers(
         &self,
         log: &mut Measurement,

@@ -23,7 +23,7 @@ const OTHERS: [(&[u8], &str); 4] = [
 ];
 
 /// Reads a log: MCAP, MDF and Parquet by their first bytes, MAT by the file's name, anything else as delimited text.
-/// `time` states the source of the rows' time, if the names do not show it.
+/// `time` states the source of the rows' time, if the names of the columns do not show it.
 ///
 /// # Errors
 ///

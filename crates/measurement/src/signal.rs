@@ -2,37 +2,37 @@
 
 use crate::dimension::Dimension;
 
-/// A signal of a model.
+/// Signal of a crane model. Values are in SI units: m, Pa (gauge pressure), rev/s; valves in shares or volts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Signal {
-    /// Piston position.
+    /// Piston position \[m\].
     Stroke,
-    /// Pressure on pump side A.
+    /// Pressure on pump side A, p_PA \[Pa\].
     PressurePumpA,
-    /// Pressure on the piston side.
+    /// Pressure on the piston side, p_A \[Pa\].
     PressureA,
-    /// Pressure on the rod side.
+    /// Pressure on the rod side, p_B \[Pa\].
     PressureB,
-    /// Pressure on pump side B.
+    /// Pressure on pump side B, p_PB \[Pa\].
     PressurePumpB,
-    /// Pressure in the accumulator.
+    /// Pressure in the accumulator, p_acc \[Pa\].
     PressureAccumulator,
-    /// Motor speed, measured.
+    /// Motor speed, measured \[rev/s\].
     MotorSpeed,
-    /// Motor speed, commanded.
+    /// Motor speed, commanded \[rev/s\].
     MotorCommand,
-    /// Load-holding valve, 1 for open.
+    /// Load-holding valve \[-\]: 1 for open, 0 for shut.
     HoldingValve,
-    /// Command of a proportional valve.
+    /// Command of a proportional valve \[V\], or its share of the command for full spool travel \[-\].
     ValveCommand,
-    /// Supply pressure of a valve.
+    /// Supply pressure of a proportional valve, p_P \[Pa\].
     PressureSupply,
-    /// Tank-line pressure of a valve.
+    /// Tank-line pressure of a proportional valve, p_T \[Pa\].
     PressureTank,
 }
 
 impl Signal {
-    /// All signals.
+    /// All signals, in the order of the type.
     pub const ALL: [Self; 12] = [
         Self::Stroke,
         Self::PressurePumpA,
@@ -48,7 +48,7 @@ impl Signal {
         Self::PressureTank,
     ];
 
-    /// Signals in which model and log are compared.
+    /// Signals of the crane in which model and log are compared: piston position and five pressures.
     pub const COMPARED: [Self; 6] = [
         Self::Stroke,
         Self::PressurePumpA,
@@ -58,7 +58,7 @@ impl Signal {
         Self::PressureAccumulator,
     ];
 
-    /// Key in a mapping.
+    /// Key in a mapping and in column names, as `pressure_a`.
     pub fn key(self) -> &'static str {
         match self {
             Self::Stroke => "stroke",
@@ -76,7 +76,7 @@ impl Signal {
         }
     }
 
-    /// Symbol in tables and figures.
+    /// Symbol in tables and figures, as `p_A`; the notation of the documents.
     pub fn symbol(self) -> &'static str {
         match self {
             Self::Stroke => "x_cyl",
@@ -94,7 +94,8 @@ impl Signal {
         }
     }
 
-    /// Display unit, and its size in SI units.
+    /// Display unit, and its size in SI units: mm and 1e-3, bar and 1e5, rpm and 1/60 (of rev/s), V and 1, or none
+    /// ("-") and 1.
     pub fn shown(self) -> (&'static str, f64) {
         match self.dimension() {
             Dimension::Length => ("mm", 1e-3),
@@ -105,7 +106,7 @@ impl Signal {
         }
     }
 
-    /// Physical dimension.
+    /// Physical dimension of the signal, which its column's unit must have.
     pub fn dimension(self) -> Dimension {
         match self {
             Self::Stroke => Dimension::Length,
@@ -116,14 +117,14 @@ impl Signal {
         }
     }
 
-    /// Whether a column of this dimension can be the signal. A valve's command may be a share of the command for full
-    /// travel.
+    /// Whether a column of this dimension can be the signal. A valve's command is a voltage, or the share of the
+    /// command for full spool travel.
     pub fn accepts(self, dimension: Dimension) -> bool {
         dimension == self.dimension()
             || (self == Self::ValveCommand && dimension == Dimension::Share)
     }
 
-    /// Parses a key.
+    /// Signal of a key as written by [`key`](Self::key); none if there is no such signal.
     pub fn from_key(key: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|signal| signal.key() == key)
     }

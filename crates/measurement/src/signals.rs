@@ -8,7 +8,7 @@ use crate::signal::Signal;
 use crate::time_base::TimeBase;
 use std::collections::BTreeMap;
 
-/// Samples of one signal.
+/// Samples of one signal over its own times, in SI units, with linear interpolation and gaps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// Times \[s\].
@@ -25,14 +25,25 @@ pub struct Track {
     dimension: Option<Dimension>,
 }
 
-/// Measured signals with their times.
+/// Measured signals of a log in SI units, each with its own times.
+///
+/// ```
+/// use hydroboom_measurement::{Channel, Mapping, Measurement, Signal, Signals};
+/// let channel = Channel::new("x [mm]", vec![0.0, 0.1].into(), vec![100.0, 102.0]);
+/// let log = Measurement { name: "log".into(), channels: vec![channel], remarks: Vec::new(), time: None };
+/// let mapping = Mapping::parse("map.toml", "[log]\nstroke = \"x\"\n")?.completed(&log)?;
+/// let stroke = Signals::of(&log, &mapping)?.need(Signal::Stroke, &log)?.at(0.05);
+/// assert!(stroke.is_some_and(|metres| (metres - 0.101).abs() < 1e-12));
+/// # Ok::<(), hydroboom_measurement::MeasurementError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Signals {
     tracks: BTreeMap<Signal, Track>,
 }
 
 impl Track {
-    /// A signal from its samples; missing ones and those that repeat a time are left out.
+    /// Signal from its times \[s\] and values in SI units. Samples that are not finite, and those whose time is not
+    /// later than the one before, are left out. Intervals longer than five median intervals are gaps.
     pub fn new(time: &[f64], values: &[f64]) -> Self {
         let mut kept: (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for (t, v) in time.iter().zip(values).filter(|(t, v)| t.is_finite() && v.is_finite()) {
@@ -83,7 +94,7 @@ impl Track {
         self.breaks.iter().filter_map(around).collect()
     }
 
-    /// Intervals without a gap \[s\].
+    /// Intervals without a gap \[s\], as times of their first and last sample, in increasing order.
     pub fn stretches(&self) -> Vec<(f64, f64)> {
         let Some(first) = self.time.first() else { return Vec::new() };
         let mut stretches = vec![(*first, *first)];
@@ -97,12 +108,12 @@ impl Track {
         stretches
     }
 
-    /// Sets the dimension of the values: voltage of a valve's command, or a share of full travel.
+    /// Sets the dimension of the values: a voltage, or a share of full spool travel for a valve's command.
     pub fn measured_as(self, dimension: Dimension) -> Self {
         Self { dimension: Some(dimension), ..self }
     }
 
-    /// Whether its values are shares of full travel.
+    /// Whether its values are shares of full spool travel, and not volts.
     pub fn is_share(&self) -> bool {
         self.dimension == Some(Dimension::Share)
     }
@@ -122,7 +133,8 @@ impl Track {
         &self.values
     }
 
-    /// Value at a time \[s\], interpolated linearly; `None` in a gap, before the first and after the last sample.
+    /// Value in SI units at a time \[s\], interpolated linearly; none in a gap, before the first and after the last
+    /// sample.
     pub fn at(&self, time: f64) -> Option<f64> {
         let next = self.time.partition_point(|t| *t <= time);
         let before = next.checked_sub(1)?;
@@ -137,7 +149,8 @@ impl Track {
         Some(self.values[before] + share * (self.values[next] - self.values[before]))
     }
 
-    /// Last value at or before a time \[s\] (zero-order hold); before all samples the first one.
+    /// Value in SI units of the last sample at or before a time \[s\] (zero-order hold); before all samples the first
+    /// one. None without samples.
     pub fn held(&self, time: f64) -> Option<f64> {
         let next = self.time.partition_point(|t| *t <= time);
         self.values.get(next.saturating_sub(1)).copied()
@@ -145,7 +158,8 @@ impl Track {
 }
 
 impl Signals {
-    /// The signals that a mapping assigns to the log's columns.
+    /// Signals that a mapping assigns to the log's columns, converted to SI units and true sampling times. A column
+    /// with fewer than two valid samples gives no signal.
     ///
     /// # Errors
     ///
@@ -172,17 +186,17 @@ impl Signals {
         Ok(Self { tracks })
     }
 
-    /// A signal; `None` if it was not measured.
+    /// Samples of a signal; none if it was not measured.
     pub fn get(&self, signal: Signal) -> Option<&Track> {
         self.tracks.get(&signal)
     }
 
-    /// Adds a signal.
+    /// Adds or replaces the samples of a signal.
     pub fn insert(&mut self, signal: Signal, track: Track) {
         self.tracks.insert(signal, track);
     }
 
-    /// A required signal.
+    /// Samples of a required signal. `log` is named in the error, with its columns.
     ///
     /// # Errors
     ///
@@ -203,8 +217,8 @@ impl Signals {
         })
     }
 
-    /// Intervals \[s\] in which the driving signal has no gap, and no clock of it or of the `others` was set. If gaps
-    /// leave less than half of an unevenly logged signal, only the clock steps divide it.
+    /// Intervals \[s\] in which the driving signal has no gap, and neither its clock nor that of the `others` was set.
+    /// If gaps leave less than half of an unevenly logged signal, only the clock steps divide it.
     pub fn segments(&self, driving: Signal, others: &[Signal]) -> Vec<(f64, f64)> {
         let Some(track) = self.get(driving) else { return Vec::new() };
         let (Some(first), Some(last)) = (track.time.first(), track.time.last()) else {
@@ -232,8 +246,8 @@ impl Signals {
         parts
     }
 
-    /// Interval in which all these signals were measured \[s\]; `None` if one has no sample or they have no common
-    /// interval.
+    /// Interval \[s\] in which all measured ones among `signals` have samples: from the latest of their first samples
+    /// to the earliest of their last samples. None if it is empty. A signal that was not measured does not count.
     pub fn overlap(&self, signals: &[Signal]) -> Option<(f64, f64)> {
         let (mut begin, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
         for track in signals.iter().filter_map(|s| self.get(*s)) {

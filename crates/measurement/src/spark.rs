@@ -2,7 +2,8 @@
 
 const STEPS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// A line of `width` characters, scaled from the lowest to the highest value; blank for missing values.
+/// Line of `width` block characters, or of one a value if there are fewer values. Each shows the mean of its part of
+/// the values, in eight steps from the smallest to the largest value; blank where values are missing (NaN).
 pub fn sparkline(values: &[f64], width: usize) -> String {
     let there = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) =

@@ -29,14 +29,15 @@ fn beside(signal: Signal) -> Option<Signal> {
     }
 }
 
-/// An implausible property of a signal.
+/// Implausible property of a signal, for the user.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspicion {
-    /// The signal.
+    /// Signal concerned.
     pub signal: Signal,
-    /// Description and possible cause, with the line that mends the mapping.
+    /// Description and possible cause, with the line of a mapping that corrects it.
     pub text: String,
-    /// Whether the signal cannot be used without a correction. An absolute pressure can: only its zero differs.
+    /// Whether the signal cannot be used without a correction. An absolute pressure can, because only its zero
+    /// differs.
     pub is_unusable: bool,
 }
 

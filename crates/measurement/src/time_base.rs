@@ -1,28 +1,28 @@
 //! Sampling properties of a channel.
 
-/// Properties of a channel's sampling times.
+/// Sampling times of a channel: interval, jitter and gaps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeBase {
     /// First time \[s\].
     pub begin: f64,
     /// Last time \[s\].
     pub end: f64,
-    /// Usual interval: the median \[s\].
+    /// Median sampling interval \[s\].
     pub interval: f64,
-    /// Largest deviation of an interval from the usual one, gaps excluded \[s\].
+    /// Largest deviation of an interval from the median \[s\], gaps excluded.
     pub jitter: f64,
-    /// Gaps, where samples are missing.
+    /// Intervals longer than 2.5 median intervals, where samples are missing.
     pub gaps: Vec<Gap>,
     /// Number of samples with the same time as the one before.
     pub repeated: usize,
 }
 
-/// An interval with missing samples.
+/// Interval with missing samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Time of the last sample before \[s\].
+    /// Time of the last sample before the gap \[s\].
     pub from: f64,
-    /// Time of the first after \[s\].
+    /// Time of the first sample after the gap \[s\].
     pub to: f64,
 }
 
@@ -30,7 +30,7 @@ pub struct Gap {
 const GAP: f64 = 2.5;
 
 impl TimeBase {
-    /// Properties of some times \[s\], in non-decreasing order; `None` without two different times.
+    /// Sampling properties of times \[s\] in non-decreasing order; none without two different times.
     pub fn of(time: &[f64]) -> Option<Self> {
         let (begin, end) = (*time.first()?, *time.last()?);
         let mut intervals: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();

@@ -11,11 +11,11 @@ pub struct TimeColumn {
     pub column: Option<String>,
     /// Unit of the column; `None` for the unit stated in the log.
     pub unit: Option<Unit>,
-    /// Factor on the column.
+    /// Factor on the column, in the unit per unit of the column.
     pub scale: f64,
     /// Offset added to the scaled column, in the unit.
     pub offset: f64,
-    /// Sampling interval \[s\], for a log without a time column.
+    /// Sampling interval \[s\] of a log without a time column; none with one.
     pub sample_time: Option<f64>,
     /// Whether column and unit were found by names, units and content and not stated by the user.
     pub is_guessed: bool,

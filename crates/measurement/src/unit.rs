@@ -4,22 +4,23 @@ use crate::dimension::Dimension;
 use crate::unit_table::UNITS;
 use thiserror::Error;
 
-/// A unit.
+/// Unit of measurement with its conversion to SI units: SI value = factor × number + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// Usual spelling.
+    /// Usual spelling, as `bar`.
     pub name: &'static str,
     /// Physical dimension.
     pub dimension: Dimension,
-    /// Size in SI units (rotation in rev/s, angles in rad, shares in 1).
+    /// Size in SI units \[SI unit per unit\]; rotation in rev/s, angles in rad, shares in 1.
     pub factor: f64,
-    /// SI value of its zero: for temperatures, and for absolute pressures as gauge pressures.
+    /// SI value of the unit's zero: 273.15 K for °C, and for absolute pressures the negative atmospheric pressure,
+    /// because pressures are gauge pressures.
     pub offset: f64,
     /// Other spellings, normalised by [`normal`], in small letters.
     pub(crate) spellings: &'static [&'static str],
 }
 
-/// Reason why a unit cannot be used.
+/// Reason why a text is not accepted as a unit.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum UnitError {
     /// The unit is not known.
@@ -43,7 +44,7 @@ pub enum UnitError {
 }
 
 impl Unit {
-    /// All known units.
+    /// All known units, in the order of the dimensions.
     pub const ALL: &'static [Self] = &UNITS;
 
     /// Parses a unit in any spelling: with a Greek mu or a micro sign, superscript digits, in brackets or quotes, or
@@ -57,7 +58,7 @@ impl Unit {
             .ok_or_else(|| UnitError::Unknown { text: excerpt(text), nearest: nearest(text, None) })
     }
 
-    /// Parses a unit of a required dimension.
+    /// Unit of a required dimension from its text, in any spelling that [`from_text`](Self::from_text) reads.
     ///
     /// # Errors
     ///
@@ -76,12 +77,12 @@ impl Unit {
         }
     }
 
-    /// Converts a number with this unit to SI units.
+    /// Value in SI units (rotation in rev/s, pressures as gauge pressures) of a number with this unit.
     pub fn si(&self, number: f64) -> f64 {
         number * self.factor + self.offset
     }
 
-    /// Names of all units of a dimension, the most common first.
+    /// Names of all units of a dimension as one text, the most common first.
     pub fn names(dimension: Dimension) -> String {
         let all = Self::ALL.iter().filter(|u| u.dimension == dimension);
         all.map(|u| u.name).collect::<Vec<_>>().join(", ")

@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use thiserror::Error;
 
-/// Number of periods without a new command after which the control task counts as lost.
+/// Number of control periods without a new command after which the control task counts as lost.
 pub const SILENT: u64 = 2;
 /// Polls for a new command per period: a command waits at most a tenth of a period.
 const LOOKS: u64 = 10;
@@ -31,7 +31,7 @@ const AT_ONCE: usize = 64;
 /// SCHED_FIFO priority: between the simulation and the control task, whose core the bus task shares.
 const PRIORITY: i32 = 75;
 
-/// Error on opening the local interface.
+/// Reason why the local interface cannot be opened.
 #[derive(Debug, Error)]
 pub enum BusError {
     /// The UDP port cannot be bound.
@@ -60,11 +60,11 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// Bus task of the local interface.
+/// Bus task of the local interface: it owns the UDP socket and exchanges datagrams with the machine.
 #[derive(Debug)]
 pub struct BusTask {
     socket: UdpSocket,
-    /// The controller's end of the interface.
+    /// Endpoint of the controller, which processes the datagrams.
     pub endpoint: Endpoint,
     exchange: Arc<Exchange>,
     /// Control period \[ns\].
@@ -111,17 +111,17 @@ impl BusTask {
         Ok((task, LocalMachine::new(exchange)))
     }
 
-    /// Number of the bound UDP port.
+    /// Number of the UDP port that is bound.
     pub fn port(&self) -> u16 {
         self.socket.local_addr().map_or(0, |address| address.port())
     }
 
-    /// Sleeps until a datagram arrives, at most for `nanoseconds`.
+    /// Sleeps until a datagram arrives, at most for a time \[ns\].
     pub fn wait(&self, nanoseconds: u64) {
         wait_for_input(&self.socket, nanoseconds);
     }
 
-    /// Receives the waiting datagrams; `clock` is the present time \[ns\]. Returns the number of accepted
+    /// Receives the waiting datagrams; `clock` is the present monotonic time \[ns\]. Returns the number of accepted
     /// measurements.
     pub fn receive(&mut self, clock: u64) -> usize {
         // one byte more than the longest datagram, so that a longer one is recognised and not cut to a
@@ -143,8 +143,8 @@ impl BusTask {
         accepted
     }
 
-    /// Sends what is due at time `clock` \[ns\]: a new command once, or the safe command once a period
-    /// while the control task is lost.
+    /// Sends datagrams that are due at the monotonic time `clock` \[ns\]: a new command once, or the safe command once
+    /// a period while the control task is lost.
     pub fn answer(&mut self, clock: u64) {
         // after a delay of the bus task itself the control task gets one more poll before it counts as lost
         let is_punctual = clock.saturating_sub(self.looked_at) <= self.period;
@@ -219,28 +219,28 @@ impl BusTask {
     }
 }
 
-/// Summary of an attachment, made when the bus task ends.
+/// Statistics of a session on the local interface, made when the bus task ends.
 #[derive(Clone, Debug)]
 pub struct BusReport {
-    /// Counts of accepted, lost and dropped datagrams.
+    /// Numbers of accepted, lost and dropped datagrams.
     pub counters: Counters,
-    /// Datagrams from another address or port than the machine's.
+    /// Number of datagrams from another address or port than the machine's.
     pub refused: u64,
-    /// State of the link at the end.
+    /// State of the connection at the end.
     pub link: Link,
-    /// Real-time privileges that the system refused, and failures.
+    /// Real-time privileges that the system refused, and failures, a sentence each.
     pub remarks: Vec<String>,
 }
 
 impl BusReport {
-    /// Summary of the controller's endpoint.
+    /// Statistics of a session from the controller's endpoint, with remarks on the thread.
     pub fn of(endpoint: &Endpoint, remarks: Vec<String>) -> Self {
         let (counters, refused) = endpoint.counters();
         Self { counters, refused, link: endpoint.link(), remarks }
     }
 }
 
-/// Bus task in a thread of its own.
+/// Handle of the thread in which a bus task runs.
 #[derive(Debug)]
 pub struct BusThread {
     stop: Arc<AtomicBool>,

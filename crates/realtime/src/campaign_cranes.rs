@@ -3,12 +3,12 @@
 
 use hydroboom_description::{Description, DescriptionError};
 
-/// A crane of the campaign: the controller's model and the simulated machine.
+/// Crane of the fault-injection campaign: the controller's model, and the virtual crane as the machine.
 #[derive(Clone, Debug)]
 pub struct CampaignCrane {
     /// Name in tables.
     pub name: &'static str,
-    /// Model used by the controller.
+    /// Description from which controller and supervision limits are designed.
     pub model: Description,
     /// Virtual crane that takes the place of the machine.
     pub machine: Description,
@@ -21,7 +21,7 @@ const OTHERS: [(&str, &str); 3] = [
     ("another lever and bore", include_str!("../../../cranes/other-lever.toml")),
 ];
 
-/// All cranes of the campaign, the paper's crane first.
+/// Cranes of the campaign, the paper's crane first.
 ///
 /// # Errors
 ///
@@ -38,7 +38,7 @@ pub fn campaign_cranes() -> Result<Vec<CampaignCrane>, DescriptionError> {
     Ok(cranes)
 }
 
-/// The crane with its load-holding valve at one end of its range of switching times: fastest or slowest.
+/// Crane whose load-holding valve has the slowest switching time of its range, or the fastest if `slowest` is false.
 pub fn at_valve_end(crane: &CampaignCrane, slowest: bool) -> CampaignCrane {
     let mut changed = crane.clone();
     let ranges = crane.machine.ranges();

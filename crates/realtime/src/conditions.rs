@@ -6,27 +6,27 @@ use hydroboom_description::schema::Numbers;
 /// would excite the boom.
 const CHANGE: f64 = 0.25;
 
-/// Payload and oil of the simulated crane.
+/// Operating conditions of the simulated crane: payload and transition pressure of the oil.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
-    /// Payload \[kg\].
+    /// Mass of the payload \[kg\].
     pub payload: f64,
     /// Transition pressure of the oil, p_c1 \[Pa\].
     pub transition_pressure: f64,
 }
 
 impl Conditions {
-    /// Conditions of the crane file.
+    /// Conditions as the crane file states them.
     pub fn described(numbers: &Numbers<f64>) -> Self {
         Self { payload: numbers.payload, transition_pressure: numbers.transition }
     }
 
-    /// Numbers of a description with its payload and transition pressure replaced by these conditions.
+    /// Parameters of a crane file with payload and transition pressure replaced by these conditions.
     pub fn numbers(&self, described: &Numbers<f64>) -> Numbers<f64> {
         Numbers { payload: self.payload, transition: self.transition_pressure, ..*described }
     }
 
-    /// Conditions after a time step `time` \[s\] of the first-order approach to `others`.
+    /// Conditions after a time step `time` \[s\] of a first-order approach to `others`.
     #[must_use]
     pub fn towards(&self, others: &Self, time: f64) -> Self {
         let share = (time / CHANGE).min(1.0);
@@ -37,7 +37,7 @@ impl Conditions {
         }
     }
 
-    /// Whether the difference justifies a change of the simulated crane: more than 1 kg or 0.1 bar.
+    /// Whether the conditions differ enough to change the simulated crane: by more than 1 kg or 0.1 bar.
     pub fn differ(&self, others: &Self) -> bool {
         (self.payload - others.payload).abs() > 1.0
             || (self.transition_pressure - others.transition_pressure).abs() > 1e4

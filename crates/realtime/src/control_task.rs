@@ -32,7 +32,8 @@ const FADING: f64 = 0.01;
 /// Age in control periods beyond which a measurement is stale.
 const FRESH: f64 = 5.5;
 
-/// Control task, called once a period. It allocates no memory in the cycle.
+/// Control task: measurement, state estimation, control law, supervision and command of one control period. It
+/// allocates no memory in the cycle.
 #[derive(Clone)]
 pub struct ControlTask {
     benchmark: Benchmark<f64>,
@@ -88,7 +89,8 @@ pub struct ControlTask {
 }
 
 impl ControlTask {
-    /// Control task for a model, a course, supervision limits and the first strategy.
+    /// Control task in its initial state, with estimator and control laws designed for `model`, supervision limits,
+    /// and the first strategy.
     pub fn new(model: &Description, course: Course, limits: Limits, strategy: Strategy) -> Self {
         let n = &model.numbers;
         let benchmark = model.benchmark();
@@ -138,13 +140,13 @@ impl ControlTask {
         &self.measurement.axes[0].signals
     }
 
-    /// Conditions for the simulated crane. Under the scheduled LQR payload and transition pressure are
-    /// estimates, updated while the load is held. Before the first update they are those of the crane file.
+    /// Payload and oil for the simulated crane. Under the scheduled LQR both are estimates, updated while the load is
+    /// held. Before the first update they are those of the crane file.
     pub fn conditions(&self) -> Conditions {
         self.conditions
     }
 
-    /// Replaces the course. Ignored while the controller moves the load.
+    /// Replaces the course for the next start. Ignored while the controller moves the load.
     pub fn take(&mut self, course: Course) {
         if !self.decision.controls {
             self.supervisor.set_speed(course.speed());
@@ -152,14 +154,14 @@ impl ControlTask {
         }
     }
 
-    /// The same with other supervision limits, before the first request.
+    /// Control task with other supervision limits; to be used before the first period.
     #[must_use]
     pub fn within(mut self, limits: Limits) -> Self {
         self.supervisor = Supervisor::new(limits);
         self
     }
 
-    /// The same with a state estimator that starts with the parameters of an earlier run.
+    /// Control task whose state estimator starts with the parameters of an earlier run.
     #[must_use]
     pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
         self.scheduled_lqr =
@@ -177,7 +179,7 @@ impl ControlTask {
         self.decision.controls.then_some(self.simulated_motor)
     }
 
-    /// One control period.
+    /// Executes one control period: from the newest measurement to the command, which the record contains.
     pub fn period(&mut self, now: &Period) -> Record {
         let period = self.benchmark.period;
         let (new_readings, lost_readings) = self.read(now);

@@ -13,7 +13,7 @@ const APPROACH_SPEED: f64 = 0.05;
 const APPROACH_RAMP: f64 = 0.5;
 const APPROACH_REST: f64 = 0.5;
 
-/// Trajectory with the approach to its start.
+/// Reference of a course: a trajectory, and the approach from the piston's position to its start.
 #[derive(Clone)]
 pub struct Course {
     path: Arc<dyn Trajectory>,
@@ -32,7 +32,7 @@ enum Approach {
 }
 
 impl Course {
-    /// Course for a piston at the start of the trajectory.
+    /// Course without an approach, for a piston at the start of the trajectory.
     pub fn new(path: Arc<dyn Trajectory>) -> Self {
         Self { path, approach: Approach::None }
     }
@@ -42,7 +42,7 @@ impl Course {
         Self { path, approach: Approach::Path(duration) }
     }
 
-    /// Course for a piston at position `stroke` \[m\].
+    /// Course for a piston at position `stroke` \[m\], with an S-shaped approach if the trajectory starts elsewhere.
     pub fn from_stroke(path: Arc<dyn Trajectory>, stroke: f64) -> Self {
         let begin = path.reference(0.0).position;
         let distance = begin - stroke;
@@ -67,8 +67,8 @@ impl Course {
         }
     }
 
-    /// Set point at a time of the course \[s\]: zero at the start of the trajectory, negative during the
-    /// approach.
+    /// Reference position \[m\] and velocity \[m/s\] at a time of the course \[s\]. The time is zero at the start of
+    /// the trajectory, and negative during the approach.
     pub fn reference(&self, t: f64) -> SetPoint<f64> {
         match self.approach {
             Approach::Way(from, way, sign) if t < 0.0 => {
@@ -79,12 +79,12 @@ impl Course {
         }
     }
 
-    /// Duration of the trajectory \[s\].
+    /// Duration of the trajectory \[s\], without the approach.
     pub fn duration(&self) -> f64 {
         self.path.duration()
     }
 
-    /// Largest speed of the trajectory \[m/s\].
+    /// Largest reference speed of the trajectory \[m/s\].
     pub fn speed(&self) -> f64 {
         self.path.speed()
     }

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Generation(u64);
 
-/// Requests of the operator, as atomics that any thread may set.
+/// Requests of the operator to the real-time tasks, as atomics that any thread may set.
 #[derive(Debug)]
 pub struct Desk {
     /// Generation of a pending start; [`NOTHING`] if there is none.
@@ -41,8 +41,8 @@ impl Desk {
     /// expires while the operator still watches.
     pub const START_WITHIN: f64 = 1.0;
 
-    /// Desk with a chosen strategy and no request. The person who started the program counts as present
-    /// without a time limit.
+    /// Desk with a control strategy and no request. The person who started the program counts as present without a
+    /// time limit.
     pub fn new(strategy: Strategy) -> Self {
         let desk = Self {
             start: AtomicU64::new(NOTHING),
@@ -59,13 +59,12 @@ impl Desk {
         desk
     }
 
-    /// Present generation.
+    /// Present generation; a request made in an earlier one is void.
     pub fn generation(&self) -> Generation {
         Generation(self.generation.load(Ordering::Acquire))
     }
 
-    /// Takes the operator's role and marks the operator as present for `seconds`. Returns the new
-    /// generation.
+    /// Takes the operator's role and marks the operator as present for `seconds` from now. Returns the new generation.
     pub fn take_role(&self, seconds: f64) -> Generation {
         let before = self.generation.fetch_add(1, Ordering::AcqRel);
         self.attend(seconds);
@@ -85,13 +84,13 @@ impl Desk {
         self.attended_until.store(until, Ordering::Release);
     }
 
-    /// Whether an operator is present.
+    /// Whether an operator is present: the time since the last sign of presence has not expired.
     pub fn is_attended(&self) -> bool {
         let until = self.attended_until.load(Ordering::Acquire);
         until == ALWAYS || now() < until
     }
 
-    /// Requests a start in the present generation.
+    /// Requests a start of the course in the present generation.
     pub fn start(&self) {
         // false if the operator changed in between: then the start is void
         let _ = self.start_in(self.generation(), Self::START_WITHIN);
@@ -102,8 +101,8 @@ impl Desk {
         let _ = self.reset_in(self.generation());
     }
 
-    /// Requests a start that is valid for `within` seconds, at most [`Desk::START_WITHIN`]. False without
-    /// effect if `generation` is no longer the present one.
+    /// Requests a start of the course that is valid for `within` seconds, at most [`Desk::START_WITHIN`]. False
+    /// without effect if `generation` is no longer the present one.
     pub fn start_in(&self, generation: Generation, within: f64) -> bool {
         let holds = generation == self.generation();
         if holds {
@@ -114,7 +113,7 @@ impl Desk {
         holds
     }
 
-    /// Requests a controlled stop.
+    /// Requests a controlled stop of the motion.
     pub fn stop(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }
@@ -140,17 +139,17 @@ impl Desk {
         self.closing.store(true, Ordering::Relaxed);
     }
 
-    /// Requests a strategy, also during a motion.
+    /// Requests a control strategy, also during a motion.
     pub fn choose(&self, strategy: Strategy) {
         self.strategy.store(strategy as usize, Ordering::Relaxed);
     }
 
-    /// Requested strategy.
+    /// Control strategy requested last.
     pub fn strategy(&self) -> Strategy {
         Strategy::ALL[self.strategy.load(Ordering::Relaxed) % Strategy::ALL.len()]
     }
 
-    /// Whether the session is to end.
+    /// Whether the end of the session was requested.
     pub fn is_closing(&self) -> bool {
         self.closing.load(Ordering::Relaxed)
     }

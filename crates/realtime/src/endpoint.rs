@@ -18,7 +18,7 @@ const REMEMBERED: usize = 64;
 /// Number of measurements over which delays are averaged.
 const AVERAGED: f64 = 256.0;
 
-/// Mismatch between this controller and a machine that requests a session.
+/// Reason why a machine cannot be controlled: its interface version, control period or number of axes differs.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 pub enum Difference {
     /// Another version of the interface.
@@ -47,7 +47,7 @@ pub enum Difference {
     },
 }
 
-/// Type of a received datagram.
+/// Kind of a received datagram, after its checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "no allocation in the control period")]
 pub enum Received {
@@ -67,7 +67,7 @@ struct Answer {
     sampled: u64,
 }
 
-/// Controller's endpoint of a session.
+/// Endpoint of the controller in a session with one machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Endpoint {
     /// Control period \[ns\].
@@ -107,7 +107,8 @@ impl Endpoint {
         }
     }
 
-    /// Address of the machine, and whether it declares itself simulated; none before a session.
+    /// Address of the machine, and whether it declares itself simulated; none before a machine has requested a
+    /// session.
     pub fn machine(&self) -> Option<(SocketAddr, Peer)> {
         self.machine
     }
@@ -117,17 +118,17 @@ impl Endpoint {
         self.has_begun
     }
 
-    /// Mismatch of the machine that last requested a session, if any.
+    /// Mismatch of the machine that last requested a session; none if it fits.
     pub fn difference(&self) -> Option<Difference> {
         self.difference
     }
 
-    /// Counts of datagrams of the session, and the number from another address or port.
+    /// Counts of datagrams of the session, and the number of datagrams from another address or port.
     pub fn counters(&self) -> (Counters, u64) {
         (self.session.counters, self.refused)
     }
 
-    /// State of the link.
+    /// State of the connection: losses and delays.
     pub fn link(&self) -> Link {
         Link {
             lost: self.session.counters.lost,
@@ -137,7 +138,8 @@ impl Endpoint {
         }
     }
 
-    /// Processes a datagram. The bytes to send back, if any, are in `reply`.
+    /// Processes a datagram that was received from an address at the monotonic time `clock` \[ns\]. The bytes to send
+    /// back, if any, are in `reply`.
     pub fn receive(
         &mut self,
         bytes: &[u8],

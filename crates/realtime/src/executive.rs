@@ -33,16 +33,16 @@ use std::thread;
 use std::time::Duration;
 use thiserror::Error;
 
-/// Cores and spin times of the tasks.
+/// Processor cores and spin times of the real-time tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// Core of the simulation.
+    /// Number of the core of the simulation task.
     pub simulation_core: usize,
-    /// Core of the control task.
+    /// Number of the core of the control task.
     pub control_core: usize,
-    /// Time before a release of the simulation that is spent spinning instead of sleeping \[ns\].
+    /// Time before a release of the simulation task that is spent polling the clock instead of sleeping \[ns\].
     pub simulation_spin: u64,
-    /// The same for the control task \[ns\].
+    /// Time before a release of the control task that is spent polling the clock instead of sleeping \[ns\].
     pub control_spin: u64,
 }
 
@@ -61,10 +61,10 @@ const QUEUE: usize = 4096;
 /// Capacity of the queue of orders to a task.
 const ORDERS: usize = 16;
 
-/// Summary of a run in real time.
+/// Deadline statistics, losses and failures of a run in real time.
 #[derive(Clone, Debug)]
 pub struct RealTime {
-    /// Deadline statistics of the simulation.
+    /// Deadline statistics of the simulation task.
     pub simulation: Timing,
     /// Deadline statistics of the control task.
     pub control: Timing,
@@ -73,15 +73,15 @@ pub struct RealTime {
     /// Time that the hypervisor took from the cores of simulation and control \[s\]. None if the kernel
     /// does not report it.
     pub stolen: Option<[f64; 2]>,
-    /// Records dropped because the log was too slow.
+    /// Number of records dropped because the log was too slow.
     pub dropped: u64,
-    /// Failed tasks in order of failure.
+    /// Failed tasks in order of failure; empty if none failed.
     pub failures: Vec<Failure>,
     /// Last decision of the supervisor.
     pub end: Decision,
 }
 
-/// Error that prevents a run.
+/// Reason why a run in real time cannot be carried out.
 #[derive(Debug, Error)]
 pub enum ExecutiveError {
     /// No memory for the timing histograms.
@@ -103,20 +103,20 @@ struct Between {
 
 /// Tasks, machine and settings of a run.
 pub struct Tasks {
-    /// The control task.
+    /// Control task in its initial state.
     pub control: ControlTask,
-    /// The simulation.
+    /// Simulation task in its initial state.
     pub simulation: SimulationTask,
-    /// Machine.
+    /// Machine, real or virtual.
     pub machine: Box<dyn Machine>,
     /// Periods of simulation and control task \[s\].
     pub periods: (f64, f64),
-    /// Cores and spin times.
+    /// Cores and spin times of both tasks.
     pub placement: Placement,
 }
 
-/// Runs a session in real time. The attendant receives every record in an ordinary thread without a time
-/// limit. `tamper` applies the ordered faults to a virtual machine.
+/// Runs a session in real time until its end condition holds. The attendant receives every record in an ordinary
+/// thread without a time limit. `tamper` applies the ordered faults to a virtual machine.
 ///
 /// # Errors
 ///

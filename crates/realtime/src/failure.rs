@@ -10,7 +10,7 @@ use std::fmt;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Once;
 
-/// Failed task with the panic message.
+/// Real-time task that panicked, with the panic message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Failure {
     /// Control task: the load is held, and no further course can run.

@@ -1,6 +1,6 @@
 //! Injected faults of sensors, drive, valve, load, control and operator.
 
-/// Fault of a sensor.
+/// Fault of a sensor signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensor {
     /// The last value is repeated.
@@ -15,7 +15,7 @@ pub enum Sensor {
     Delayed,
 }
 
-/// Plausible but wrong pressure signal.
+/// Plausible but wrong pressure signal, which range checks do not find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongPressure {
     /// p_A reads 0 bar, with noise.
@@ -32,7 +32,7 @@ pub enum WrongPressure {
     PumpHigh,
 }
 
-/// Slowly growing error of the position signal.
+/// Plausible but wrong position signal whose error grows slowly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongPosition {
     /// Drift of 2 mm/s.
@@ -45,7 +45,7 @@ pub enum WrongPosition {
     Gain5,
 }
 
-/// Injected fault.
+/// Injected fault of sensors, drive, valve, load, control or operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// Sensor fault; the index is the signal's place in a measurement.
@@ -98,7 +98,7 @@ pub enum Fault {
 const SENSORS: [&str; 7] = ["position", "p_PA", "p_A", "p_B", "p_PB", "p_acc", "motor speed"];
 
 impl Fault {
-    /// All faults.
+    /// All faults of the campaign, in the order of tables.
     pub fn all() -> Vec<Self> {
         use Sensor::{Delayed, Jumping, Noisy, NotANumber, Stuck};
         let mut all = Vec::new();
@@ -170,7 +170,7 @@ impl Fault {
         Self::all().into_iter().filter(|fault| !is_ours(fault)).collect()
     }
 
-    /// Name in tables.
+    /// Name in tables, as a short text.
     pub fn name(self) -> String {
         let name = match self {
             Self::Sensor(sensor, kind) => {

@@ -16,7 +16,7 @@ use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::Truth;
 
-/// Moment of the injection.
+/// Moment of a course at which a fault is injected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// From the first period on, before the start.
@@ -32,7 +32,7 @@ pub enum Moment {
 }
 
 impl Moment {
-    /// All moments.
+    /// All moments, in the order of the course.
     pub const ALL: [Self; 5] =
         [Self::BeforeStart, Self::PreLoad, Self::Ramp, Self::Cruise, Self::Rest];
 
@@ -73,38 +73,38 @@ impl Moment {
 pub struct Outcome {
     /// Injected fault.
     pub fault: Fault,
-    /// Second fault, injected 20 ms later, if any.
+    /// Second fault, injected 20 ms later; none for a single fault.
     pub second: Option<Fault>,
-    /// Active strategy at the injection.
+    /// Active control strategy at the injection.
     pub strategy: Strategy,
     /// Moment of the injection.
     pub moment: Moment,
-    /// Last cause found by the supervisor; none if the course was finished.
+    /// Fault that the supervisor found last; none if the course was finished.
     pub cause: Option<Cause>,
     /// Time from the fault to the safe state, pilots without pressure and motor at rest \[s\]; none if it
     /// was not reached.
     pub safe_after: Option<f64>,
     /// Whether the benchmark controller took over from the requested strategy.
     pub fallback: bool,
-    /// Largest movement of the piston after the fault \[m\]: deviation from the course until the stop
-    /// began, then distance from there.
+    /// Largest movement of the piston after the fault \[m\]: deviation from the reference until the stop began, then
+    /// distance from the position at that time.
     pub moved: f64,
     /// Largest drop of the piston below its held position, for faults before the release \[m\].
     pub dropped: f64,
     /// Largest force on an end stop \[N\].
     pub stop_force: f64,
-    /// Largest pressure in any chamber \[Pa\].
+    /// Largest pressure in any chamber \[Pa\], gauge.
     pub peak_pressure: f64,
-    /// Upper bound of the pressure: the limit, and the rise when the valve shuts at speed \[Pa\].
+    /// Upper bound of the pressure \[Pa\]: the supervised limit, and the rise when the valve shuts at speed.
     pub pressure_bound: f64,
-    /// Whether the supervisor must detect the fault.
+    /// Whether the supervisor must detect the fault at this moment of the course.
     pub must_be_found: bool,
     /// Upper bound of the movement, computed from the limits \[m\].
     pub movement_bound: f64,
     /// Upper bound of the time to the safe state \[s\]; none for faults that are not detected, or that
     /// disable drive or valve.
     pub time_bound: Option<f64>,
-    /// Simulation error of the machine, if any.
+    /// Error of the machine's simulation; none if it ran to the end.
     pub broke: Option<SimulationError>,
 }
 
@@ -137,8 +137,7 @@ const WATCHED: f64 = 2.0;
 /// Pilot position, and motor speed \[rev/s\], below which the machine is safe.
 const SAFE: (f64, f64) = (0.05, 0.2);
 
-/// Course run in simulated time up to the moment of injection. It is the same for every fault and simulated
-/// once.
+/// Course simulated up to the moment of injection, from which every fault starts; it is simulated once for all faults.
 pub struct Underway {
     run: Lockstep,
     operator: Operator,
@@ -160,7 +159,7 @@ pub struct Underway {
 }
 
 impl Underway {
-    /// Runs the course up to the moment of injection.
+    /// Simulates the course up to the moment of injection.
     ///
     /// # Errors
     ///
@@ -217,13 +216,13 @@ impl Underway {
         }
     }
 
-    /// Cause that stopped the course before the injection, if any.
+    /// Fault that stopped the course before the injection; none if it went on.
     pub fn stopped(&self) -> Option<Cause> {
         self.stopped
     }
 
-    /// Injects a fault, and a second one if given. Simulates to the end of the course or two seconds of the
-    /// safe state.
+    /// Injects a fault, and a second one 20 ms later if given. Simulates to the end of the course or two seconds of
+    /// the safe state.
     pub fn inject(&self, fault: Fault, second: Option<Fault>) -> Outcome {
         let bounds = self.bounds(fault, second);
         let mut outcome = Outcome {

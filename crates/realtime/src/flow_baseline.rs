@@ -24,12 +24,12 @@ const RIDGE: f64 = 1e-9;
 /// Smallest travel of the piston for a baseline \[m\].
 const LEAST_TRAVEL: f64 = 0.1;
 
-/// Recorded baseline.
+/// Baseline of the delivered flow of one machine, fitted by least squares to one healthy cycle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FlowBaseline {
-    /// Flow gain k: volume that reaches the cylinder per displaced volume \[1\].
+    /// Flow gain k \[-\]: volume that reaches the cylinder per displaced volume.
     pub gain: f64,
-    /// Leakage factor λ: leakage over its value in the crane file \[1\].
+    /// Leakage factor λ \[-\]: leakage over its value in the crane file.
     pub leakage: f64,
     /// Speed-dependent slip coefficient c \[m³/(rev Pa)\].
     pub slip: f64,
@@ -37,14 +37,14 @@ pub struct FlowBaseline {
     pub residual: f64,
     /// Time of recording \[s since 1970\].
     pub recorded_at: u64,
-    /// Digest of the crane file's values.
+    /// Digest of the crane file's values, which identifies the crane.
     pub digest: String,
 }
 
 /// Longest file that is read \[B\].
 const LONGEST: u64 = 1_000_000;
 
-/// Error of recording or reading a baseline.
+/// Reason why a baseline cannot be recorded or read.
 #[derive(Debug, Error)]
 pub enum BaselineError {
     /// The file cannot be read or written.
@@ -147,7 +147,7 @@ impl FlowBaseline {
         }
     }
 
-    /// The monitor with its ranges narrowed to this baseline.
+    /// Flow monitor with its ranges narrowed to this baseline.
     pub fn narrowed(&self, monitor: FlowMonitor) -> FlowMonitor {
         let gain =
             Range { low: self.gain * (1.0 - GAIN_CHANGE), high: self.gain * (1.0 + GAIN_CHANGE) };
@@ -167,7 +167,7 @@ impl FlowBaseline {
         )
     }
 
-    /// Age in days.
+    /// Age of the baseline \[days\], by the computer's clock.
     pub fn age_days(&self) -> f64 {
         (seconds_since_1970().saturating_sub(self.recorded_at)) as f64 / 86_400.0
     }
@@ -187,7 +187,7 @@ impl FlowBaseline {
         )
     }
 
-    /// JSON text of the baseline.
+    /// Text of the baseline file, in JSON.
     pub fn text(&self) -> String {
         let value = json!({
             "flow_gain": self.gain, "leakage_factor": self.leakage,
@@ -197,12 +197,11 @@ impl FlowBaseline {
         format!("{value:#}\n")
     }
 
-    /// Reads a baseline of the crane.
+    /// Reads a baseline file of the crane that `model` describes.
     ///
     /// # Errors
     ///
-    /// [`BaselineError`] if the file cannot be read, a number is out of range, or it belongs to another
-    /// crane.
+    /// [`BaselineError`] if the file cannot be read, a number is out of range, or it belongs to another crane.
     pub fn read(model: &Description, path: &Path) -> Result<Self, BaselineError> {
         let name = path.display().to_string();
         let text = hydroboom_files::text(path, "baseline", LONGEST)?;

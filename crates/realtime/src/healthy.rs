@@ -13,12 +13,12 @@ use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
 use std::sync::Arc;
 
-/// Result of a course on a healthy machine.
+/// Result of a course on a healthy machine, which must not be stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HealthyRun {
-    /// Cause that stopped the course, if any.
+    /// Fault that the supervisor reported; none if the course was finished.
     pub cause: Option<Cause>,
-    /// Course time of the stop \[s\]; none before the load was released.
+    /// Course time of the stop \[s\]; none without a stop, and before the load was released.
     pub stopped_at: Option<f64>,
     /// Whether the machine itself had exceeded a limit at the stop: tracking error, piston speed, distance
     /// to an end stop, or a pressure. Such a stop is caused by the controller and is no false alarm.
@@ -27,7 +27,7 @@ pub struct HealthyRun {
     pub release_time: f64,
     /// Largest lift of the load during the release, and largest drop until the course began \[m\].
     pub release_motion: (f64, f64),
-    /// Simulation error of the machine, if any.
+    /// Error of the machine's simulation; none if it ran to the end.
     pub broke: Option<SimulationError>,
 }
 
@@ -36,7 +36,8 @@ const LONGEST: f64 = 60.0;
 /// Share of a limit that the true quantity reaches where its measurement reaches the limit.
 const LIMIT_FRACTION: f64 = 0.9;
 
-/// Runs a trajectory on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
+/// Simulates a trajectory on a healthy machine whose payload changes during the course: `loads` has the course time
+/// \[s\] and the new mass \[kg\] of each change.
 ///
 /// # Errors
 ///

@@ -18,7 +18,8 @@ const ABANDONED: f64 = 10.0;
 const CORE: usize = 0;
 const PRIORITY: i32 = 60;
 
-/// Simulates the machine in real time until commands have ceased for ten seconds.
+/// Simulates the machine in real time and exchanges measurements and commands through shared memory, until commands
+/// have ceased for ten seconds.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ const SILENT: u64 = 2_000_000_000;
 /// Waiting time per period for a machine that is already silent \[ns\].
 const STILL_SILENT: u64 = 1_000_000;
 
-/// Control task and simulation with a machine in another process.
+/// Control task and simulation in simulated time, with a machine in another process.
 pub struct LocalLockstep {
     control: ControlTask,
     simulation: SimulationTask,
@@ -41,7 +41,7 @@ pub struct LocalLockstep {
 }
 
 impl LocalLockstep {
-    /// Tasks with a machine. The periods are those of simulation and control \[s\].
+    /// Tasks with a machine on the local interface. `periods` are those of simulation and control \[s\].
     pub fn new(
         (control, simulation): (ControlTask, SimulationTask),
         (bus, machine): (BusTask, LocalMachine),
@@ -61,14 +61,14 @@ impl LocalLockstep {
         }
     }
 
-    /// The same without waiting, for a machine in this thread: its measurement is either there already or
-    /// lost.
+    /// The tasks without waiting for measurements, for a machine in this thread: its measurement is either there
+    /// already or lost.
     #[must_use]
     pub fn without_waiting(self) -> Self {
         Self { time_out: 0, ..self }
     }
 
-    /// Period in which the control task is suspended and the bus task is not.
+    /// Executes a period in which the control task is suspended and the bus task is not.
     pub fn stalled_period(&mut self) {
         let clock = self.next_period();
         self.wait(clock);
@@ -81,7 +81,7 @@ impl LocalLockstep {
         (self.periods as f64 * self.period * 1e9).round() as u64
     }
 
-    /// One control period: waits for a measurement and sends the command that answers it.
+    /// Executes one control period: waits for a measurement and sends the command that answers it.
     pub fn period(&mut self, operator: &mut Operator, desk: &Desk) -> Record {
         let clock = self.next_period();
         self.wait(clock);

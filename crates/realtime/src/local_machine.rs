@@ -86,7 +86,7 @@ impl Exchange {
     }
 }
 
-/// Control task's side of the local interface.
+/// Machine in another process on the local interface, as seen from the control task.
 #[derive(Debug)]
 pub struct LocalMachine {
     exchange: Arc<Exchange>,

@@ -25,7 +25,8 @@ use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::{Truth, VirtualCrane};
 use std::sync::Arc;
 
-/// Disturbances of the tasks, the machine and their connection. The default methods disturb nothing.
+/// Disturbances of the tasks, the machine and their connection in a simulated run. The default methods disturb
+/// nothing.
 pub trait Disturbance {
     /// Measurement that arrives; none if it is lost.
     fn reading(&mut self, incoming: Incoming) -> Option<Incoming> {
@@ -65,12 +66,25 @@ pub trait Disturbance {
     }
 }
 
-/// No disturbance.
+/// Run without any disturbance.
 pub struct Undisturbed;
 
 impl Disturbance for Undisturbed {}
 
-/// Run in simulated time. A copy continues from the same moment.
+/// Executive in simulated time: control task, simulation task and virtual crane. A copy continues from the same
+/// moment.
+///
+/// ```
+/// use hydroboom_control::strategy::Strategy;
+/// use hydroboom_description::Description;
+/// use hydroboom_realtime::{lockstep::Lockstep, operator::Operator};
+/// let (model, machine) = (Description::uia_single_boom()?, Description::uia_virtual()?);
+/// let (motion, strategy) = (machine.motion(model.numbers.fast), Strategy::BenchmarkClosedLoop);
+/// let mut run = Lockstep::new(&model, &machine, motion, strategy)?;
+/// let record = run.period(&mut Operator::automatic(model.numbers.control_period), strategy)?;
+/// assert_eq!(record.decision.command.holding_valve, 0.0, "the load is held at first");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone)]
 pub struct Lockstep {
     control: ControlTask,
@@ -89,8 +103,8 @@ pub struct Lockstep {
 }
 
 impl Lockstep {
-    /// Virtual crane with its load held and its pump without pressure, and an executive that uses the
-    /// model.
+    /// Executive designed for `model`, with a virtual crane as the machine, at rest at the start of the trajectory
+    /// `path`. The load is held, and the pump is without pressure.
     ///
     /// # Errors
     ///
@@ -104,7 +118,7 @@ impl Lockstep {
         Self::along(model, machine, Arc::new(path), strategy)
     }
 
-    /// The same along a shared trajectory.
+    /// Executive as of [`new`](Self::new), along a shared trajectory.
     ///
     /// # Errors
     ///
@@ -133,14 +147,14 @@ impl Lockstep {
         })
     }
 
-    /// The same with a state estimator that starts with the parameters of an earlier run.
+    /// Executive whose state estimator starts with the parameters of an earlier run.
     #[must_use]
     pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
         self.control = self.control.with_retained_parameters(retained);
         self
     }
 
-    /// Executes one control period and returns its record.
+    /// Executes one control period without disturbances and returns its record.
     ///
     /// # Errors
     ///
@@ -153,7 +167,8 @@ impl Lockstep {
         self.disturbed_period(operator, strategy, &mut Undisturbed)
     }
 
-    /// Executes one control period with disturbances.
+    /// Executes one control period with disturbances and returns its record; in a period in which the control task is
+    /// suspended, the record of the last executed one.
     ///
     /// # Errors
     ///
@@ -212,14 +227,14 @@ impl Lockstep {
         self.machine.advance(&disturbance.drive(self.arrived.0))
     }
 
-    /// The same with other supervision limits.
+    /// Executive with other supervision limits.
     #[must_use]
     pub fn within(mut self, limits: Limits) -> Self {
         self.control = self.control.within(limits);
         self
     }
 
-    /// Executes an order. A fault to inject is returned, because it is a disturbance.
+    /// Executes an order of the session. A fault to inject is returned, because it is a disturbance.
     pub fn take(&mut self, order: Order) -> Option<Tampering> {
         match order {
             Order::Course(course) => self.control.take(course),
@@ -229,7 +244,7 @@ impl Lockstep {
         None
     }
 
-    /// Machine.
+    /// Virtual crane in its present state.
     pub fn machine(&self) -> &VirtualCrane {
         &self.machine
     }
@@ -242,7 +257,7 @@ impl Lockstep {
 
 const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
 
-/// Rate of simulated time.
+/// Rate of simulated time relative to the computer's clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
     /// As fast as the computer allows.
@@ -256,7 +271,7 @@ const ORDERS: u32 = 20;
 /// Periods of a held load at rest before a run ends.
 const RESTED: u32 = 200;
 
-/// Runs a session in simulated time and returns the last decision.
+/// Runs a session in simulated time until its end condition holds, and returns the last decision of the supervisor.
 ///
 /// # Errors
 ///
@@ -324,7 +339,7 @@ impl Periods for Disturbed<'_> {
     }
 }
 
-/// Runs a session by control periods until it ends and returns the last decision.
+/// Runs a session by control periods until its end condition holds, and returns the last decision of the supervisor.
 ///
 /// # Errors
 ///

@@ -34,7 +34,7 @@ const CONTROL: &str = "hydroboom.Control";
 const BUS_TOPIC: &str = "/bus";
 const BUS: &str = "hydroboom.Bus";
 
-/// Error of writing or reading a log.
+/// Reason why a log cannot be written or read.
 #[derive(Debug, Error)]
 pub enum LogError {
     /// The file cannot be created or read.
@@ -159,7 +159,7 @@ fn machine_state(record: &Record) -> &'static str {
     record.status.map_or("", MachineStatus::name)
 }
 
-/// A topic of a log, of JSON messages.
+/// Topic of an MCAP log, with messages in JSON.
 #[derive(Debug)]
 pub struct Topic {
     channel: u16,
@@ -195,7 +195,7 @@ fn add_topic(
     Ok(Topic { channel, count: 0 })
 }
 
-/// Log being written.
+/// Writer of an MCAP log with one message per control period.
 pub struct LogWriter {
     path: String,
     writer: Writer<NoSeek<BufWriter<Output>>>,
@@ -204,7 +204,7 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Creates a log.
+    /// Creates a log file.
     ///
     /// # Errors
     ///
@@ -226,8 +226,8 @@ impl LogWriter {
         Ok(Self { path: name, writer, topic, chunk_from: 0.0 })
     }
 
-    /// Adds the topic of the cycles of a bus, whose messages have these fields with their JSON types. Readers of
-    /// control periods skip it.
+    /// Adds the topic of the bus cycles. `fields` are the names of the fields of its messages, with their JSON types.
+    /// Readers of control periods skip it.
     ///
     /// # Errors
     ///
@@ -237,11 +237,11 @@ impl LogWriter {
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
     }
 
-    /// Adds a message of a topic, at a time \[s since the executive began\].
+    /// Appends a message of a topic, at a time since the start of the executive \[s\].
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be written; what was written stays readable.
+    /// [`LogError`] when it cannot be written; earlier messages stay readable.
     pub fn add_message(
         &mut self,
         topic: &mut Topic,
@@ -254,7 +254,7 @@ impl LogWriter {
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
     }
 
-    /// Appends a record.
+    /// Appends the record of a control period.
     ///
     /// # Errors
     ///
@@ -301,7 +301,7 @@ impl LogWriter {
         Ok(output.leave()?)
     }
 
-    /// Completes the log.
+    /// Completes the log file under its name.
     ///
     /// # Errors
     ///
@@ -321,7 +321,7 @@ impl LogWriter {
     }
 }
 
-/// Records as CSV with the columns of a log.
+/// Records as CSV text with the columns of a log, one row per control period.
 pub fn csv(records: &[Record]) -> String {
     let names: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut text = names.join(",") + "\n";
@@ -343,7 +343,7 @@ pub fn csv(records: &[Record]) -> String {
     text
 }
 
-/// Control period of a log with the fields that a replay needs.
+/// Control period read from a log, with the fields that a replay needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     /// Measurement; none before the first one. Signals that are absent from the log are NaN. Its time is
@@ -354,21 +354,21 @@ pub struct Row {
     /// Largest speed of the course \[m/s\]; none outside a course, and in logs of versions that did not
     /// record it.
     pub course_speed: Option<f64>,
-    /// Set point of the piston.
+    /// Reference position \[m\] and velocity \[m/s\] of the piston.
     pub reference: SetPoint<f64>,
-    /// Part of the set point that is the decaying start offset \[m\].
+    /// Part of the reference position that is the decaying offset at the start \[m\].
     pub start_offset: f64,
-    /// Command that was sent.
+    /// Command that was sent: motor speed \[rev/s\] and load-holding valve.
     pub command: AxisCommand<f64>,
     /// State of the supervisor.
     pub state: State,
-    /// Whether the load was being released.
+    /// Whether the load was being released from its valves.
     pub releasing: bool,
     /// Time since the executive began \[s\].
     pub time: f64,
-    /// Fault code, or empty.
+    /// Code of the fault; empty without one.
     pub cause: String,
-    /// Active strategy.
+    /// Active control strategy.
     pub strategy: Strategy,
 }
 
@@ -406,14 +406,14 @@ fn messages(
     Ok(loss)
 }
 
-/// Log as a table.
+/// Table of the control periods of a log.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     /// Names of the columns.
     pub header: Vec<&'static str>,
-    /// One row per readable control period.
+    /// Cells as text, one row per readable control period.
     pub rows: Vec<Vec<String>>,
-    /// Losses, a sentence each: damaged chunks, a truncated end.
+    /// Losses while reading, a sentence each: damaged chunks, a truncated end.
     pub remarks: Vec<String>,
 }
 

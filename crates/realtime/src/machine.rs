@@ -5,46 +5,45 @@ use hydroboom_control::measurement::{AXES, Measurement};
 use hydroboom_control::supervision::limits::{MachineStatus, ValveState};
 use hydroboom_control::supervision::supervisor::Decision;
 
-/// Data from a machine in a control period.
+/// Data from a machine in one control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Incoming {
-    /// Sensor signals.
+    /// Signals of the sensors, with their number and sampling time.
     pub measurement: Measurement,
-    /// State of the load-holding valve, if the machine measures it.
+    /// State of the load-holding valve; none if the machine does not measure it.
     pub valve: Option<ValveState>,
-    /// State reported by the machine, if it reports one.
+    /// State that the machine reports; none if it reports none.
     pub status: Option<MachineStatus>,
-    /// State of the attachment, if it counts its datagrams.
+    /// State of the connection; none for a machine whose datagrams are not counted.
     pub link: Option<Link>,
 }
 
 impl Incoming {
-    /// Data of a machine that reports only its sensors and the valve.
+    /// Data of a machine that reports only its sensors and the state of its load-holding valve.
     pub fn new(measurement: Measurement, valve: Option<ValveState>) -> Self {
         Self { measurement, valve, status: None, link: None }
     }
 }
 
-/// State of an attachment.
+/// Losses and delays of the connection to a machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Link {
-    /// Measurements sent by the machine and lost, since the session began.
+    /// Number of measurements that were sent by the machine and lost, since the session began.
     pub lost: u64,
-    /// Dropped datagrams since the session began.
+    /// Number of datagrams that were received and rejected, since the session began.
     pub dropped: u64,
-    /// Delays; none before a command has acted.
+    /// Measured delays; none before a command has acted.
     pub delay: Option<Delay>,
-    /// Whether commands do not reach the machine, or the attachment has stopped it because commands were
-    /// missing.
+    /// Whether commands do not reach the machine, or the connection has stopped it because commands were missing.
     pub commands_lost: bool,
 }
 
-/// Delays of an attachment, means over about a quarter of a second \[cycles\].
+/// Delays between controller and machine, means over about a quarter of a second \[cycles\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Delay {
-    /// From sampling to sending of the measurement.
+    /// Delay from sampling to sending of the measurement \[cycles\].
     pub measurement: f64,
-    /// From sampling to actuation: 0 if the command that answers a measurement acts before the next
+    /// Delay from sampling to actuation \[cycles\]: 0 if the command that answers a measurement acts before the next
     /// sampling.
     pub total: f64,
 }
@@ -59,10 +58,10 @@ impl Delay {
     }
 }
 
-/// Data to a machine in a control period.
+/// Command to a machine in one control period, with the enabling of its drives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outgoing {
-    /// Commands of drives and valves.
+    /// Commands of drives and valves: motor speeds \[rev/s\] and load-holding valves.
     pub command: Command,
     /// Whether the drives are enabled; otherwise they are without torque.
     pub is_enabled: bool,
@@ -75,7 +74,7 @@ impl Outgoing {
         is_enabled: false,
     };
 
-    /// Output of a decision.
+    /// Output for a decision of the supervisor.
     pub fn of(decision: &Decision) -> Self {
         Self { command: Command { axes: [decision.command] }, is_enabled: decision.is_enabled() }
     }
@@ -86,8 +85,8 @@ impl Outgoing {
     }
 }
 
-/// Sensors and actuators of a machine. The real-time cycle calls both functions: they must not allocate,
-/// lock or wait.
+/// Sensors and actuators of a machine, real or virtual. The real-time cycle calls both functions: they must not
+/// allocate, lock or wait.
 pub trait Machine: Send {
     /// Newest data; none before the first measurement.
     fn read(&mut self) -> Option<Incoming>;

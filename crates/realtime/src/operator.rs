@@ -12,7 +12,7 @@ use hydroboom_control::supervision::supervisor::{Decision, Request, State};
 /// the repair of a defect.
 const RESET_WITHIN: f64 = 5.0;
 
-/// Operator who requests courses, one at a time.
+/// State of the operator's requests: start, stop, emergency stop and reset. One course is requested at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct Operator {
     /// Control period \[s\].
@@ -52,7 +52,7 @@ enum Start {
 }
 
 impl Operator {
-    /// Operator at a desk; `period` is the control period \[s\].
+    /// Operator who acts at a desk; `period` is the control period \[s\].
     pub fn new(period: f64) -> Self {
         Self {
             period,
@@ -73,7 +73,7 @@ impl Operator {
         Self { start: Start::Planned, ..Self::new(period) }
     }
 
-    /// Reads the requests at the desk; called once per control period.
+    /// Reads the requests at the desk. It must be called once per control period.
     pub fn listen(&mut self, desk: &Desk) {
         let (start, reset) = (desk.take_start(), desk.take_reset());
         self.emergency |= desk.take_emergency();
@@ -164,7 +164,8 @@ impl Operator {
         }
     }
 
-    /// Whether nothing remains to be done: the load has been moved, or is not to be, and is held.
+    /// Whether the operator requests nothing more: the supervisor is in the fault state, or the load is held after its
+    /// motion or after a stop.
     pub fn is_done(&self) -> bool {
         match self.state {
             State::Fault => true,

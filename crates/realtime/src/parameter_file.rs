@@ -25,7 +25,7 @@ const CONTRADICTION: f64 = 3.0;
 /// Longest file that is read \[B\].
 const LONGEST: u64 = 1_000_000;
 
-/// Error of reading a parameter file.
+/// Reason why a parameter file cannot be used.
 #[derive(Debug, Error)]
 pub enum ParameterFileError {
     /// The file cannot be read.
@@ -44,7 +44,7 @@ pub enum ParameterFileError {
     Design(#[from] DesignError),
 }
 
-/// JSON text of the parameters, for the crane of a model.
+/// Text of a parameter file in JSON, for the crane that `model` describes.
 pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String {
     let period = model.numbers.control_period;
     let (flow, transition) =
@@ -69,7 +69,7 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
     format!("{value:#}\n")
 }
 
-/// One-line summary of the parameters with two standard deviations each.
+/// Parameters in one line of text, each with two standard deviations.
 pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> String {
     let drive =
         DriveLag { coefficient: parameters.drive_coefficient, variance: parameters.drive_variance };
@@ -83,12 +83,11 @@ pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> Str
     )
 }
 
-/// Reads the parameters of the crane of a model.
+/// Reads a parameter file of the crane that `model` describes.
 ///
 /// # Errors
 ///
-/// [`ParameterFileError`] if the file cannot be read, its numbers are invalid, or it belongs to another
-/// crane.
+/// [`ParameterFileError`] if the file cannot be read, its numbers are invalid, or it belongs to another crane.
 pub fn read(
     model: &Description,
     path: &Path,

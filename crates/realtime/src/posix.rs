@@ -1,4 +1,4 @@
-//! Operating system services for real-time threads.
+//! Services of a POSIX operating system for real-time threads: clock, scheduling, memory.
 #![expect(unsafe_code, reason = "system calls; each is proven where it is made")]
 
 use std::fs::File;
@@ -90,13 +90,13 @@ pub fn may_lock_memory() -> bool {
     user == 0 || (known && limit.rlim_cur == libc::RLIM_INFINITY)
 }
 
-/// Effective user of this process.
+/// Effective user id of this process; 0 is root.
 pub fn effective_user() -> u32 {
     // SAFETY: it has no arguments and always succeeds.
     unsafe { libc::geteuid() }
 }
 
-/// Sleeps until data can be read, for at most the given time \[ns\].
+/// Sleeps until data can be read from a file descriptor, for at most the given time \[ns\].
 pub fn wait_for_input(of: &impl AsRawFd, nanoseconds: u64) {
     let mut waited = libc::pollfd { fd: of.as_raw_fd(), events: libc::POLLIN, revents: 0 };
     let most = libc::timespec {

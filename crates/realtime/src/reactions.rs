@@ -14,24 +14,24 @@ use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;
 use thiserror::Error;
 
-/// Effect of a reaction on a moving machine.
+/// Motion and load of a machine after a safety reaction at one speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactionEffect {
-    /// Reaction.
+    /// Safety reaction.
     pub reaction: Reaction,
     /// Speed of the piston at the start of the reaction \[m/s\], positive outwards.
     pub speed: f64,
     /// Largest distance of the piston from its position at the start \[m\].
     pub travel: f64,
-    /// Time until valve and motor are at rest \[s\].
+    /// Time until load-holding valve and motor are at rest \[s\].
     pub time: f64,
-    /// Largest pressure in any chamber \[Pa\].
+    /// Largest pressure in any chamber \[Pa\], gauge.
     pub peak_pressure: f64,
     /// Largest force of the cylinder on the boom \[N\].
     pub force: f64,
 }
 
-/// Error of the computation.
+/// Reason why the effect of a reaction cannot be computed.
 #[derive(Clone, Debug, Error)]
 pub enum ReactionError {
     /// The crane cannot be built.
@@ -45,7 +45,7 @@ pub enum ReactionError {
 /// Time simulated after the start of a reaction \[s\].
 const WATCHED: f64 = 2.5;
 
-/// Effects of both reactions on a machine that moves inwards and outwards at some speeds \[m/s\].
+/// Effects of both reactions on a machine that moves inwards and outwards at the given piston speeds \[m/s\].
 ///
 /// # Errors
 ///

@@ -16,7 +16,7 @@ use hydroboom_design::limits;
 use hydroboom_math::Real;
 use std::sync::Arc;
 
-/// Measurements of a log, one per call.
+/// Machine that returns the measurements of a log, one per call, and ignores commands.
 pub struct Replay {
     measurements: Vec<Option<Measurement>>,
     next: usize,
@@ -24,7 +24,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Machine that returns the logged measurements.
+    /// Machine that returns the measurements of these rows in their order.
     pub fn new(rows: &[Row]) -> Self {
         let measurements = rows.iter().map(|row| row.measurement).collect();
         Self { measurements, next: 0, newest: None }
@@ -71,8 +71,8 @@ impl Trajectory for Recorded {
     }
 }
 
-/// Recomputes the records of a log from its measurements, row by row. `strategy` replaces the logged
-/// strategy.
+/// Recomputes the records of a log from its measurements, row by row. `strategy` replaces the logged control strategy;
+/// none keeps it.
 ///
 /// # Errors
 ///

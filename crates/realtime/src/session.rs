@@ -20,7 +20,7 @@ use hydroboom_virtual_crane::Truth;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Condition that ends a run.
+/// Condition that ends a run; the load is held in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// A course is over or a fault occurred, and the load is held.
@@ -38,11 +38,11 @@ impl Ending {
 
 /// Desk, attendant and end condition of a run.
 pub struct Lookout<'a> {
-    /// Operator desk.
+    /// Operator desk, from which requests are read.
     pub desk: &'a Desk,
-    /// Receiver of the records and source of the orders.
+    /// Receiver of the records, and source of the orders.
     pub attendant: &'a mut dyn Attendant,
-    /// End condition.
+    /// Condition that ends the run.
     pub ending: Ending,
 }
 
@@ -57,7 +57,7 @@ pub enum Order {
     Tamper(Tampering),
 }
 
-/// Receives the records in an ordinary thread and prepares orders for the tasks.
+/// Observer of a run in an ordinary thread: it receives the records and prepares orders for the real-time tasks.
 pub trait Attendant {
     /// Receives every record in order.
     fn see(&mut self, record: &Record);
@@ -73,15 +73,15 @@ pub trait Attendant {
     }
 }
 
-/// Time of the course \[s\] and payload \[kg\] attached at that time.
+/// Payload change: time of the course \[s\], and payload attached from then on \[kg\].
 pub type PayloadChange = (f64, f64);
 
-/// Data recorded before and at a fault.
+/// Records of the last second before a fault, with its cause.
 #[derive(Clone, Debug)]
 pub struct FaultData {
     /// Cause of the fault.
     pub cause: Cause,
-    /// Time of the fault \[s since the start of the executive\].
+    /// Time of the fault since the start of the executive \[s\].
     pub time: f64,
     /// Records of the last second; the last one is that of the fault.
     pub records: Vec<Record>,
@@ -97,7 +97,7 @@ const TOGETHER: f64 = 2e-3;
 /// Time before a fault for which records are kept \[s\].
 const KEPT: f64 = 1.0;
 
-/// State of a session.
+/// Session at a machine: a sequence of courses, with synchronisation of the simulation and load changes.
 pub struct Session {
     model: Description,
     /// Trajectories passed to the tasks and possibly in use. A real-time task must not drop the last
@@ -118,12 +118,12 @@ pub struct Session {
 }
 
 impl Session {
-    /// Model of the session.
+    /// Description of the crane from which the controllers are designed.
     pub fn model(&self) -> &Description {
         &self.model
     }
 
-    /// Session with a machine described by the model.
+    /// Session without a record, with a machine that `model` describes.
     pub fn new(model: &Description) -> Self {
         let records = (KEPT / model.numbers.control_period) as usize;
         Self {
@@ -141,7 +141,7 @@ impl Session {
         }
     }
 
-    /// Processes a record.
+    /// Updates the session with the record of a control period.
     pub fn see(&mut self, record: &Record) {
         let period = self.model.numbers.control_period;
         self.recent.push_back(*record);
@@ -162,17 +162,17 @@ impl Session {
         self.rested = if rests { self.rested + period } else { 0.0 };
     }
 
-    /// Newest record.
+    /// Newest record; none before the first control period.
     pub fn last(&self) -> Option<&Record> {
         self.last.as_ref()
     }
 
-    /// Last fault, if any.
+    /// Data of the last fault; none without one.
     pub fn fault(&self) -> Option<&FaultData> {
         self.fault.as_ref()
     }
 
-    /// Number of synchronisations of the simulation during courses.
+    /// Number of synchronisations of the simulation with the machine during all courses.
     pub fn synchronised_in_all(&self) -> u32 {
         self.synchronised_in_all
     }
@@ -182,8 +182,8 @@ impl Session {
         self.last.is_some_and(|record| start_waits_for(&record.decision, true).is_none())
     }
 
-    /// Orders that make the tasks ready for a trajectory: the course from the piston's position, and the
-    /// simulation synchronised to that position.
+    /// Orders that make the tasks ready for a trajectory: the course from the piston's position, and the simulation
+    /// synchronised to that position. `hung` has the load changes of the course.
     ///
     /// # Errors
     ///
@@ -206,7 +206,7 @@ impl Session {
         Ok(vec![Order::Course(course), Order::Synchronise(Box::new(at))])
     }
 
-    /// Orders due without a request: payload changes and synchronisations.
+    /// Orders that are due without a request of the operator: payload changes and synchronisations.
     pub fn orders(&mut self) -> Vec<Order> {
         let mut orders = Vec::new();
         if let Some(time) = self.last.and_then(|r| r.course_time) {

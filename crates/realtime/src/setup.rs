@@ -4,7 +4,7 @@ use hydroboom_design::DesignError;
 use hydroboom_plant::PlantError;
 use thiserror::Error;
 
-/// Error of setting up a session.
+/// Reason why the tasks of a session cannot be set up.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SetupError {
     /// A crane cannot be built.

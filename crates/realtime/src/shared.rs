@@ -110,14 +110,14 @@ impl Shared {
         }
     }
 
-    /// For the machine's process: newest command with its number.
+    /// Newest command of the executive with its number, for the machine's process. None before the first one.
     pub fn command(&self) -> Option<(u64, Command)> {
         let (_, [sequence, speed, valve]) = self.layout().command.read()?;
         let (motor_speed, holding_valve) = (f64::from_bits(speed), f64::from_bits(valve));
         Some((sequence, Command { axes: [AxisCommand { motor_speed, holding_valve }] }))
     }
 
-    /// For the machine's process: publishes a measurement.
+    /// Publishes a measurement to the executive, from the machine's process.
     pub fn show(&self, incoming: &Incoming) {
         let Measurement { number, time, axes: [axis] } = incoming.measurement;
         let [a, b, c, d, e, f, g] = axis.signals.to_array().map(f64::to_bits);
@@ -127,13 +127,13 @@ impl Shared {
         self.layout().measurement.publish([number, time, validity, valve, a, b, c, d, e, f, g]);
     }
 
-    /// For the machine's process: last ordered fault or payload change, with its number.
+    /// Last ordered fault or payload change with its number, for the machine's process. None before the first one.
     pub fn tampering(&self) -> Option<(u64, Tampering)> {
         let (_, [number, kind, value]) = self.layout().tampering.read()?;
         Some((number, Tampering::from_words([kind, value])?))
     }
 
-    /// For the executive's process: orders a fault or payload change, with an increasing number.
+    /// Orders a fault or payload change, from the executive's process, with an increasing number.
     pub fn tamper(&self, number: u64, what: Tampering) {
         let [kind, value] = what.to_words();
         self.layout().tampering.publish([number, kind, value]);

@@ -6,7 +6,7 @@ use hydroboom_description::{BuildError, Description};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};
 use hydroboom_plant::PlantError;
 
-/// Crane model of three segments at rest.
+/// State of rest of a crane model with three segments, to which the simulation is synchronised.
 #[derive(Clone, Copy, Debug)]
 pub struct AtRest {
     conditions: Conditions,
@@ -32,29 +32,30 @@ impl AtRest {
     }
 }
 
-/// State of the simulated crane for controller and observers.
+/// State of the simulated crane, as published for controllers and observers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Simulated {
-    /// Steps executed.
+    /// Number of executed integration steps.
     pub steps: u64,
-    /// Number of synchronisations.
+    /// Number of synchronisations with the machine since the start.
     pub epoch: u64,
-    /// State used by the controllers.
+    /// State that the controllers use: piston position \[m\] and velocity \[m/s\], and load pressure \[Pa\] of each
+    /// axis.
     pub state: SimulatedState,
     /// Absolute angle of each boom segment \[rad\].
     pub angle: [f64; 3],
-    /// Whether the state left the range of validity of the model. It is then frozen.
+    /// Whether the state left the range of validity of the model. The simulation is then frozen.
     pub failed: bool,
 }
 
 impl Simulated {
-    /// State of the axis.
+    /// State of the simulated axis.
     pub fn axis(&self) -> &AxisState<f64> {
         &self.state.axes[0]
     }
 }
 
-/// Simulated crane: three segments, published integration scheme.
+/// Simulation of a crane of three segments beside the machine, by the published integration scheme.
 #[derive(Clone)]
 pub struct SimulationTask {
     model: Description,
@@ -66,8 +67,7 @@ pub struct SimulationTask {
 }
 
 impl SimulationTask {
-    /// Simulated crane of the crane file, at rest with its piston at a position \[m\] and its pump
-    /// pre-loaded.
+    /// Simulation of the described crane, at rest with its piston at a position \[m\] and its pump pre-loaded.
     ///
     /// # Errors
     ///
@@ -88,7 +88,7 @@ impl SimulationTask {
         Ok(task)
     }
 
-    /// One step with the given pump speed \[rev/s\].
+    /// Executes one integration step with the given pump speed \[rev/s\].
     pub fn step(&mut self, pump_speed: f64) {
         if self.simulated.failed {
             return;
@@ -105,7 +105,7 @@ impl SimulationTask {
         }
     }
 
-    /// Sets the conditions that the moving crane approaches.
+    /// Sets the payload and the oil that the simulated crane approaches while it moves.
     pub fn set_conditions(&mut self, now: &Conditions) {
         self.wanted = *now;
     }
@@ -144,7 +144,7 @@ impl SimulationTask {
         self.simulated.angle = state.boom.angle;
     }
 
-    /// Present state.
+    /// Present state of the simulated crane.
     pub fn simulated(&self) -> Simulated {
         self.simulated
     }

@@ -1,12 +1,12 @@
-//! Newest value of one writer for any number of readers, between threads or processes.
+//! Sequence lock: newest value of one writer for any number of readers, between threads or processes.
 
 use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 /// Attempts of a reader before it gives up.
 const TRIES: usize = 16;
 
-/// `N` words that are read together or not at all: a sequence lock of atomics only, so that any bytes in
-/// shared memory are valid. The writer never waits; a reader makes a bounded number of attempts.
+/// Sequence lock of atomics: `N` words of 64 bits that are read together or not at all, so that any bytes in shared
+/// memory are valid. The writer never waits; a reader makes a bounded number of attempts.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Slot<const N: usize> {

@@ -8,27 +8,28 @@ const LONGEST: u64 = 10_000_000_000;
 /// Upper bound of the time to read the thread's clock twice \[ns\].
 const CLOCKS: u64 = 5_000;
 
-/// Deadline statistics of one task. Allocates only when it is made.
+/// Deadline statistics of one task: release delays, execution times and missed releases. Memory is allocated only by
+/// [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct Timing {
-    /// Period \[ns\].
+    /// Period of the task \[ns\].
     pub period: u64,
     /// Release delay \[ns\].
     lateness: Histogram<u64>,
     /// Execution time on the processor, without pre-emption \[ns\].
     execution: Histogram<u64>,
-    /// Number of releases missed, each a full period of delay.
+    /// Number of missed releases, each a full period of delay.
     pub missed: u64,
-    /// Steps executed.
+    /// Number of executed steps.
     pub steps: u64,
-    /// Longest execution time \[ns\] and its time \[ns since the first release\].
+    /// Longest execution time \[ns\], and the time of its occurrence since the first release \[ns\].
     pub worst: (u64, u64),
     /// Time during steps in which the task was pre-empted \[ns\].
     pub taken: u64,
 }
 
 impl Timing {
-    /// Empty statistics of a task with a period \[ns\], at least 1 ns; none if there is no memory.
+    /// Statistics of a task with a period \[ns\], at least 1 ns, before its first release; none if there is no memory.
     pub fn new(period: u64) -> Option<Self> {
         let empty = Histogram::new_with_bounds(1, LONGEST, 3).ok()?;
         Some(Self {
@@ -48,7 +49,8 @@ impl Timing {
         self.missed += late / self.period;
     }
 
-    /// Counts a step: time on the processor, time by the clock, and time since the first release \[ns\].
+    /// Counts a step: its time on the processor \[ns\], its time by the clock \[ns\], and the time since the first
+    /// release \[ns\].
     pub fn executed(&mut self, on_processor: u64, by_clock: u64, at: u64) {
         self.execution.saturating_record(on_processor.max(1));
         self.steps += 1;
@@ -59,22 +61,22 @@ impl Timing {
         }
     }
 
-    /// Distribution of the release delay: for each time \[us\] the share of later releases.
+    /// Distribution of the release delay: pairs of a delay \[us\] and the share of releases with a longer one \[-\].
     pub fn later_than(&self) -> Vec<(f64, f64)> {
         beyond(&self.lateness)
     }
 
-    /// Distribution of the execution time: for each time \[us\] the share of longer steps.
+    /// Distribution of the execution time: pairs of a time \[us\] and the share of steps that take longer \[-\].
     pub fn longer_than(&self) -> Vec<(f64, f64)> {
         beyond(&self.execution)
     }
 
-    /// Quantile of the release delay \[us\]; `share` in 0 to 1.
+    /// Quantile of the release delay \[us\]; `share` from 0 to 1.
     pub fn lateness_us(&self, share: f64) -> f64 {
         self.lateness.value_at_quantile(share) as f64 * 1e-3
     }
 
-    /// Quantile of the execution time \[us\]; `share` in 0 to 1.
+    /// Quantile of the execution time \[us\]; `share` from 0 to 1.
     pub fn execution_us(&self, share: f64) -> f64 {
         self.execution.value_at_quantile(share) as f64 * 1e-3
     }

@@ -11,7 +11,7 @@ use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::VirtualCrane;
 use std::collections::VecDeque;
 
-/// Change of a virtual machine during a run.
+/// Fault or payload change of a virtual machine during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tampering {
     /// A fault begins; it replaces the present one.
@@ -56,7 +56,7 @@ struct Active {
     first: Option<AxisSignals<f64>>,
 }
 
-/// Active faults, if any: a first and a second one.
+/// Active faults of a virtual machine and its connection: none, one, or two.
 #[derive(Clone)]
 pub struct Trouble {
     active: [Option<Active>; 2],
@@ -79,7 +79,7 @@ const UNCOMMANDED: f64 = 5.0;
 const NOISE: f64 = 5e3;
 
 impl Trouble {
-    /// No fault, for a machine as described.
+    /// State without a fault, for a machine as described.
     pub fn new(machine: &Description) -> Self {
         let mut burst = machine.clone();
         burst.numbers.case_leakage_a = BURST;
@@ -93,7 +93,7 @@ impl Trouble {
         }
     }
 
-    /// Applies a change from the next period on.
+    /// Applies a fault or payload change from the next control period on. A fault replaces the active ones.
     pub fn tamper(&mut self, what: Tampering) {
         match what {
             Tampering::Fault(fault) => {
@@ -111,12 +111,12 @@ impl Trouble {
         }
     }
 
-    /// Adds a second fault.
+    /// Adds a second fault, which acts beside the first.
     pub fn add(&mut self, fault: Fault) {
         self.active[1] = Some(Active { fault, since: 0, first: None });
     }
 
-    /// Counts a period.
+    /// Counts a control period; faults that grow or end with time depend on it.
     pub fn pass(&mut self) {
         for active in self.active.iter_mut().flatten() {
             active.since = active.since.saturating_add(1);

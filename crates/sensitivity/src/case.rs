@@ -13,25 +13,27 @@ use hydroboom_identify::Number;
 /// Number of segments of the published model.
 pub(crate) const SEGMENTS: usize = 3;
 
-/// The case under study: a machine as described, a motion and a list of outputs.
+/// Subject of a sensitivity study: a crane, its reference motion and the scalar outputs. The crane's parameters vary,
+/// those of its controllers stay nominal. Only models of three coordinates (segments) are supported.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Nominal description: it varies in the machine and stays fixed in the controllers.
     pub description: Description,
-    /// Reference motion.
+    /// Reference motion of the piston, out and back.
     pub motion: OutAndBack<f64>,
-    /// Outputs, in the order of all results.
+    /// Outputs; every result lists them in this order.
     pub outputs: Vec<Output>,
     /// Motor speeds of the simulation that runs beside the machine \[rev/s\]; `None` where no strategy uses them.
     simulated: Option<Vec<f64>>,
 }
 
 impl Case {
-    /// A machine on its reference motion at a speed \[m/s\]; the speed must be positive and within the motion's limits.
+    /// Case of a crane on its reference motion with a piston speed \[m/s\]; the speed must be positive and within the
+    /// motion's limits.
     ///
     /// # Errors
     ///
-    /// [`SensitivityError`] if the model cannot be built or the simulation fails.
+    /// [`SensitivityError`] if the model does not have three segments, cannot be built, or its simulation fails.
     pub fn new(
         description: &Description,
         speed: f64,
@@ -50,7 +52,7 @@ impl Case {
         Ok(Self { description: description.clone(), motion, outputs: outputs.to_vec(), simulated })
     }
 
-    /// The outputs of a machine with these parameters, in the case's order and in SI units.
+    /// Outputs of a crane with these parameters, in the case's order and in SI units: m, Pa and Hz.
     ///
     /// # Errors
     ///

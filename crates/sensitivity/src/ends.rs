@@ -9,22 +9,23 @@ use hydroboom_description::schema::{KEYS, Numbers};
 use hydroboom_identify::Free;
 use rayon::prelude::*;
 
-/// Lower and upper value of a key \[SI\]: θ e^∓s with s the standard deviation of ln θ, clipped to the key's limits.
+/// Lower and upper value of a key in its SI unit: θ e^∓s with the standard deviation s of ln θ \[-\], clipped to the
+/// range that a crane file allows.
 pub fn end_values(description: &Description, key: Free, deviation: f64) -> [f64; 2] {
     let (value, limits) = (key.value(description), &KEYS[key.place]);
     [-deviation, deviation]
         .map(|by| (value * by.exp()).clamp(limits.to_si(limits.low), limits.to_si(limits.high)))
 }
 
-/// Parameters of the machine with one key set to another value \[SI\].
+/// Parameters of the crane, in SI units, with one key set to another value in its SI unit.
 pub fn with_value(description: &Description, key: Free, value: f64) -> Numbers<f64> {
     let mut numbers = description.numbers.to_array();
     numbers[key.place] = value;
     Numbers::from_array(numbers)
 }
 
-/// Outputs of the case, in its order and in SI units, with each key at its lower and upper value. `None` where the
-/// machine cannot be built or simulated. `progress` is called after each key.
+/// Outputs of the case, in its order and in SI units, with each key at its lower and upper value: an entry for each
+/// key. `None` where the crane cannot be built or simulated. `progress` is called after each key.
 pub fn at_ends(
     case: &Case,
     ends: &[(Free, [f64; 2])],

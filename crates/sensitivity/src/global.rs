@@ -1,4 +1,5 @@
-//! Sobol indices: the share of an output's variance due to each key, alone and including interactions.
+//! Variance-based global sensitivity (Sobol indices): the share of an output's variance due to each key, alone and
+//! including interactions.
 
 use crate::case::Case;
 use crate::error::SensitivityError;
@@ -13,52 +14,54 @@ const RESAMPLES: usize = 400;
 /// Share of the resamples outside the bounds, on either side: 95 % intervals.
 const OUTSIDE: f64 = 0.025;
 
-/// Settings of a global study.
+/// Sample of a global sensitivity study.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Study {
-    /// Number of rows; each takes two runs, and one more for every key.
+    /// Number of rows of the sample matrices A and B; each takes two simulations, and one more for every key.
     pub rows: usize,
-    /// Seed of the sample points.
+    /// Seed of the pseudo-random sample points; the same seed gives the same result.
     pub seed: u64,
 }
 
-/// A Sobol index with its 95 % bootstrap interval.
+/// Sobol index \[-\] with its 95 % bootstrap interval. The exact index is between 0 and 1; its estimate may lie
+/// outside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Index {
-    /// Estimate.
+    /// Estimate \[-\].
     pub value: f64,
-    /// Lower bound.
+    /// Lower end of the interval \[-\].
     pub low: f64,
-    /// Upper bound.
+    /// Upper end of the interval \[-\].
     pub high: f64,
 }
 
-/// Indices of all keys for one output.
+/// Sobol indices of all keys for one output, with the output's mean and standard deviation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sobol {
-    /// Mean of the output \[SI\].
+    /// Mean of the output in its SI unit.
     pub mean: f64,
-    /// Standard deviation of the output \[SI\].
+    /// Standard deviation of the output in its SI unit.
     pub deviation: f64,
-    /// First-order indices: the share of the variance due to each key alone, in the order of the keys.
+    /// First-order indices \[-\]: the share of the variance due to each key alone, in the order of the keys.
     pub first: Vec<Index>,
-    /// Total-effect indices: the share of the variance that remains if all other keys are fixed.
+    /// Total-effect indices \[-\]: the share of the variance that remains if all other keys are fixed, in the order of
+    /// the keys.
     pub total: Vec<Index>,
 }
 
 /// Outputs of one row: at A, at B, and at A with each key of B, as `f[point][output]`.
 type Row = Vec<Vec<f64>>;
 
-/// Sobol indices for each output of a case, and the number of rows in which all runs succeeded. Each key is uniformly
-/// distributed in ln θ, with the standard deviation of its provenance. `go_on` is called before each
-/// row; if it returns false, the row is skipped and the result comes from the rows done.
+/// Sobol indices for each output of a case, and the number of rows in which all simulations succeeded. Each key θ is
+/// uniformly distributed in ln θ, with the standard deviation of its provenance ([`prior()`]). `go_on` is called before
+/// each row; if it returns false, the row is skipped and the result comes from the rows done.
 ///
 /// Estimators: Saltelli et al. 2010 (doi:10.1016/j.cpc.2009.09.018) for the first order, Jansen 1999
 /// (doi:10.1016/S0010-4655(98)00154-4) for the total; bounds by bootstrap over rows.
 ///
 /// # Errors
 ///
-/// [`SensitivityError::Nothing`] if no row could be simulated.
+/// [`SensitivityError::Nothing`] if fewer than two rows could be simulated.
 pub fn sobol(
     case: &Case,
     free: &[Free],

@@ -10,19 +10,20 @@ use rayon::prelude::*;
 /// Number of keys differentiated in one evaluation.
 const TOGETHER: usize = 4;
 
-/// Derivatives of the outputs by one key.
+/// Semi-relative sensitivities of the outputs to one key θ: derivatives with respect to ln θ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Local {
-    /// The key.
+    /// Key of the crane file.
     pub key: Free,
-    /// Standard deviation of ln θ, from the key's provenance.
+    /// Standard deviation of ln θ \[-\], from the key's provenance.
     pub known: f64,
-    /// Derivatives d output/d ln θ, in SI units and in the case's order.
+    /// Derivatives d output/d ln θ in the outputs' SI units, in the case's order: a change of θ by 1 % changes an
+    /// output by a hundredth of it.
     pub slopes: Vec<f64>,
 }
 
-/// Nominal outputs in SI units, and their derivatives by ln θ of each key. `progress` is called after each
-/// evaluation, which differentiates by four keys.
+/// Nominal outputs in SI units, and their exact derivatives with respect to ln θ of each key by dual numbers, in the
+/// order of `free`. `progress` is called after each evaluation, which differentiates by four keys.
 ///
 /// # Errors
 ///

@@ -2,7 +2,7 @@
 
 use hydroboom_control::strategy::Strategy;
 
-/// A scalar result of a simulation, differentiable by the parameters unless stated otherwise.
+/// Scalar result of a simulated motion or oscillation, differentiable by the parameters except for the scheduled LQR.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     /// RMS tracking error under a strategy \[m\].
@@ -14,7 +14,8 @@ pub enum Output {
 }
 
 impl Output {
-    /// Outputs of the published strategies and the eigenfrequency: all have derivatives.
+    /// Outputs with derivatives: tracking error and pressure under the four published strategies, and the
+    /// eigenfrequency.
     pub const ALL: [Self; 9] = [
         Self::Tracking(Strategy::ALL[0]),
         Self::Tracking(Strategy::ALL[1]),
@@ -27,7 +28,7 @@ impl Output {
         Self::Eigenfrequency,
     ];
 
-    /// Name in commands, tables and JSON.
+    /// Name in commands, tables and JSON, as `tracking-benchmark` or `eigenfrequency`.
     pub fn name(self) -> String {
         match self {
             Self::Tracking(strategy) => format!("tracking-{}", strategy.name()),
@@ -40,17 +41,17 @@ impl Output {
     pub const OF_SCHEDULED_LQR: [Self; 2] =
         [Self::Tracking(Strategy::ScheduledLqr), Self::Pressure(Strategy::ScheduledLqr)];
 
-    /// Whether the output has derivatives.
+    /// Whether the output has derivatives: all but those of the scheduled LQR.
     pub fn has_slopes(self) -> bool {
         Self::ALL.contains(&self)
     }
 
-    /// Parses a name.
+    /// Output of a name as written by [`name`](Self::name); none if there is no such output.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().chain(Self::OF_SCHEDULED_LQR).find(|output| output.name() == name)
     }
 
-    /// Title in tables.
+    /// Heading in tables and figures, without the unit.
     pub fn title(self) -> String {
         match self {
             Self::Tracking(strategy) => format!("RMS true tracking error, {}", strategy.name()),
@@ -59,7 +60,7 @@ impl Output {
         }
     }
 
-    /// Display unit, and its size in SI units.
+    /// Display unit, and its size in SI units: mm and 1e-3, bar and 1e5, Hz and 1.
     pub fn unit(self) -> (&'static str, f64) {
         match self {
             Self::Tracking(_) => ("mm", 1e-3),

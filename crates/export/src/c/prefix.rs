@@ -7,7 +7,8 @@ use crate::error::ExportError;
 pub struct Prefix(String);
 
 impl Prefix {
-    /// Longest prefix: names stay below the 63 characters that C99 and linkers distinguish.
+    /// Largest number of characters of a prefix: all names stay below the 63 characters that C99 and linkers
+    /// distinguish.
     pub const LONGEST: usize = 24;
 
     /// A prefix for C names.
@@ -26,7 +27,7 @@ impl Prefix {
         }
     }
 
-    /// The prefix as text.
+    /// Prefix as text, as `hb_`.
     pub fn as_str(&self) -> &str {
         &self.0
     }

@@ -14,14 +14,14 @@ const BUMPLESS: f64 = 1e-3;
 /// Periods until a wrong input is detected: one tolerated, the second, and one more for the reaction.
 const FOUND_AFTER: f64 = 3.0;
 
-/// Bounds of a trial.
+/// Bounds on the true motion of the machine in one trial, from the limits of the crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Largest lift during the balance test \[m\].
     pub lifted: f64,
-    /// Largest drop \[m\].
+    /// Largest drop below the held position \[m\]: 1 mm, the largest step of a bumpless transfer.
     pub dropped: f64,
-    /// Largest movement during engagement \[m\].
+    /// Largest movement during engagement of the controller \[m\]: 1 mm.
     pub engaged: f64,
     /// Largest deviation from the reference until a stop \[m\].
     pub strayed: f64,
@@ -33,7 +33,8 @@ pub struct Bounds {
     pub motor: (f64, f64),
 }
 
-/// Bounds of a trial on a crane, given the outcome of the undisturbed trial.
+/// Bounds of a trial on a crane. `model` is the crane that the controller was designed for. `undisturbed` is the
+/// outcome of the trial without disturbance. `outcome` is that of the trial, whose fault decides how it may stop.
 ///
 /// # Errors
 ///

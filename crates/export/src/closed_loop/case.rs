@@ -3,7 +3,7 @@
 use hydroboom_control::supervision::frame::FrameInput;
 use hydroboom_description::Description;
 
-/// Kind of input error.
+/// Kind of error of an input signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bad {
     /// NaN.
@@ -17,10 +17,10 @@ pub enum Bad {
 }
 
 impl Bad {
-    /// All kinds.
+    /// All kinds of input error.
     pub const ALL: [Self; 4] = [Self::NotANumber, Self::Infinite, Self::Thousandfold, Self::Frozen];
 
-    /// Name in tables.
+    /// Name in tables, as `NaN` or `frozen`.
     pub fn name(self) -> &'static str {
         match self {
             Self::NotANumber => "NaN",
@@ -41,7 +41,7 @@ impl Bad {
     }
 }
 
-/// Beginning of a disturbance.
+/// Phase of a trial in which a disturbance begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
     /// At standstill after the release.
@@ -50,20 +50,20 @@ pub enum Moment {
     Motion,
 }
 
-/// Temporary error of an input.
+/// Temporary error of one input signal of the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disturbed {
-    /// Index of the input in [`FrameInput`].
+    /// Index of the disturbed input among the [`FrameInput`].
     pub input: usize,
-    /// Kind of error.
+    /// Kind of input error.
     pub bad: Bad,
-    /// Duration in control periods.
+    /// Duration of the error \[control periods\].
     pub periods: u32,
-    /// Beginning.
+    /// Phase of the trial in which the error begins.
     pub moment: Moment,
 }
 
-/// One trial: machine, initial position, hold time, and disturbance.
+/// Test case of a trial: payload, initial position, hold time, motion and disturbance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// Payload of the machine \[kg\].
@@ -74,16 +74,16 @@ pub struct Case {
     pub held: f64,
     /// Time at standstill between release and course \[s\].
     pub rest: f64,
-    /// Whether a move at the fast speed follows.
+    /// Whether an out-and-back motion at the fast speed follows the release.
     pub moves: bool,
-    /// Input error, if any.
+    /// Input error; none for an undisturbed trial.
     pub disturbed: Option<Disturbed>,
-    /// Factor on the proportional gain from a moment on, if the gain is changed during operation.
+    /// Factor on the proportional gain \[-\] and the phase in which it takes effect; none for a constant gain.
     pub gain: Option<(f64, Moment)>,
 }
 
 impl Case {
-    /// Description of the case.
+    /// Description of the case as text, as `318 kg at 200 mm, held for 10 s`.
     pub fn name(&self) -> String {
         let Self { payload, stroke, held, .. } = self;
         let moment = |moment: Moment| match moment {
@@ -120,8 +120,8 @@ const GAINS: [f64; 3] = [0.5, 1.5, f64::NAN];
 /// Durations of input errors \[control periods\].
 const PERIODS: [u32; 3] = [1, 10, 1000];
 
-/// All trials for a crane. Engagement at both ends, 60, 200 and 350 mm with every payload; holds of 1, 10
-/// and 60 s; changed gains. Also every kind of error in every input, at standstill and in motion.
+/// All test cases for a crane: engagement at both ends of the stroke and at 60, 200 and 350 mm with payloads of 0 to
+/// 450 kg; holds of 1, 10 and 60 s; changed gains; every kind of error in every input, at standstill and in motion.
 pub fn cases(model: &Description) -> Vec<Case> {
     let n = &model.numbers;
     let mut cases = Vec::new();
@@ -158,7 +158,8 @@ pub fn cases(model: &Description) -> Vec<Case> {
     cases
 }
 
-/// Undisturbed motions at the fast speed with every payload from 60, 200 and 350 mm, for comparing controllers.
+/// Undisturbed motions at the fast speed with payloads of 0 to 450 kg, from 60, 200 and 350 mm, for comparing
+/// controllers.
 pub fn moves(model: &Description) -> Vec<Case> {
     let moved = |payload: f64, stroke: f64| Case {
         payload,

@@ -16,7 +16,8 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 const GIVEN: usize = 1 + FrameInput::NAMES.len();
 const SHOWN: usize = FrameOutput::NAMES.len();
 
-/// A running program that exchanges inputs and outputs as raw doubles over pipes.
+/// Running process of an exported controller. Inputs and outputs of a control period are exchanged as binary `f64`
+/// over pipes.
 pub struct Program {
     name: &'static str,
     child: Child,
@@ -35,7 +36,7 @@ struct LookAhead {
     length: usize,
 }
 
-/// An exported controller, compiled to a program.
+/// Exported controller, compiled to a program that can be started several times.
 #[derive(Clone, Debug)]
 pub struct Compiled {
     name: &'static str,
@@ -44,12 +45,12 @@ pub struct Compiled {
 }
 
 impl Compiled {
-    /// Compiles a controller's C block with a C compiler in a folder. `steps` are the simulation steps in a control
-    /// period, `None` for a block without a simulated crane.
+    /// Compiles a controller's C block with a C compiler, with files in `folder`. `name` is that in tables; `steps`
+    /// are the integration steps of the simulated crane in a control period, 0 for a block without one.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if it cannot be exported or compiled.
+    /// [`TargetError`] if the block cannot be exported or compiled.
     pub fn in_c(
         name: &'static str,
         block: &Block,
@@ -61,11 +62,12 @@ impl Compiled {
         Self::of_source(name, block, &main, Precision::Double, (compiler, folder))
     }
 
-    /// Compiles the C block of the scheduled LQR with `cc`, with a reference preview of up to `length` control periods.
+    /// Compiles the C block of the scheduled LQR with `cc`, with a reference preview of up to `length` control
+    /// periods.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if it cannot be exported or compiled.
+    /// [`TargetError`] if the block cannot be exported or compiled.
     pub fn in_c_with_preview(
         name: &'static str,
         block: &Block,
@@ -107,11 +109,11 @@ impl Compiled {
         Ok(Self { name, program, looks_ahead: None })
     }
 
-    /// A controller's FMU of FMI 2.0, with a binary compiled by `cc` in a folder and run by a minimal master.
+    /// Compiles a controller's FMU of FMI 2.0 with `cc` in a folder; a minimal co-simulation master runs it.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if it cannot be exported or compiled.
+    /// [`TargetError`] if the block cannot be exported or compiled.
     pub fn in_fmu(
         name: &'static str,
         block: &Block,
@@ -162,7 +164,7 @@ impl Compiled {
         Ok(Self { name, program, looks_ahead: None })
     }
 
-    /// Starts the program.
+    /// Starts the program as a child process, with the controller in its initial state.
     ///
     /// # Errors
     ///

@@ -6,24 +6,24 @@ use super::trial::Outcome;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::frame::{STATUS_FALLBACK, STATUS_FAULT, frame_phase};
 
-/// A trial with its outcome.
+/// Row of the table: a trial of one target with its outcome and bounds.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Target.
+    /// Name of the tested controller and its language.
     pub target: &'static str,
     /// Test case.
     pub case: Case,
-    /// Measured outcome.
+    /// Outcome of the trial, from the true motion of the machine.
     pub outcome: Outcome,
-    /// Allowed outcome.
+    /// Bounds with which the outcome is compared.
     pub bounds: Bounds,
-    /// Largest difference to the undisturbed course \[m\].
+    /// Largest difference of the piston position to the undisturbed trial \[m\].
     pub off: f64,
-    /// Names of the outcomes that exceed their bounds.
+    /// Names of the outcomes that exceed their bounds; empty for a passed trial.
     pub beyond: Vec<&'static str>,
 }
 
-/// Name of a status code.
+/// Number and name of a controller's status, as `1 holding`; for a fault its cause. Unknown numbers are named `idle`.
 pub fn status_name(code: f64) -> String {
     let name = match code {
         c if c >= STATUS_FAULT => Cause::from_number(c - STATUS_FAULT).map_or("fault", Cause::code),
@@ -39,7 +39,7 @@ pub fn status_name(code: f64) -> String {
 }
 
 impl Row {
-    /// Evaluates a trial against the undisturbed one.
+    /// Row of a trial: its outcome compared with its bounds and with the undisturbed trial.
     pub fn new(
         target: &'static str,
         case: &Case,
@@ -57,7 +57,7 @@ impl Row {
         }
     }
 
-    /// Cells of the row, with bounds in brackets.
+    /// Cells of the row in the order of [`HEADER`], in display units, with bounds in brackets.
     pub fn cells(&self) -> [String; 13] {
         let (o, b) = (&self.outcome, &self.bounds);
         let pair = |value: f64, bound: f64| format!("{:.2} ({:.1})", value * 1e3, bound * 1e3);
@@ -101,7 +101,7 @@ impl Row {
     }
 }
 
-/// Column headings.
+/// Headings of the columns, with units.
 pub const HEADER: [&str; 13] = [
     "target",
     "trial",
@@ -118,7 +118,7 @@ pub const HEADER: [&str; 13] = [
     "bounds",
 ];
 
-/// The table as CSV; without headings for appending to a file.
+/// Table as CSV; without headings if `has_heads` is false, for appending to a file.
 pub fn csv(rows: &[Row], has_heads: bool) -> String {
     let quoted = |cell: &str| format!("\"{}\"", cell.replace('"', "\"\""));
     let line =

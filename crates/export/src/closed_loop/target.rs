@@ -19,7 +19,7 @@ use hydroboom_design::{
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 
-/// Reason why a target cannot be built or run.
+/// Reason why an exported controller cannot be built or run.
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
     /// No limits can be derived for the crane.
@@ -38,7 +38,7 @@ pub enum TargetError {
     },
 }
 
-/// An exported controller.
+/// Controller under test, called once a control period with the inputs and outputs of the frame.
 pub trait Target {
     /// Name in tables.
     fn name(&self) -> &'static str;
@@ -59,16 +59,16 @@ pub trait Target {
     ) -> Result<FrameOutput<f64>, TargetError>;
 }
 
-/// A target that records its inputs and outputs for comparison.
+/// Controller under test that records its inputs and outputs, for comparison of languages.
 pub struct Recorder {
-    /// The recorded target.
+    /// Controller whose signals are recorded.
     pub inner: Box<dyn Target>,
-    /// Inputs and outputs of each period.
+    /// Inputs and outputs of each control period, oldest first.
     pub rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
 }
 
 impl Recorder {
-    /// Wraps a target; the recording is empty.
+    /// Recorder of a controller, without any recorded period.
     pub fn new(inner: Box<dyn Target>) -> Self {
         Self { inner, rows: Vec::new() }
     }
@@ -94,7 +94,7 @@ impl Target for Recorder {
     }
 }
 
-/// The benchmark within the frame in Rust: the reference for exported ones.
+/// Benchmark controller within the frame in Rust, as the reference for exported ones.
 pub struct RustBenchmark {
     controller: FramedBenchmark<f64>,
     state: FramedBenchmarkState<f64>,
@@ -102,7 +102,7 @@ pub struct RustBenchmark {
 }
 
 impl RustBenchmark {
-    /// The controller for a crane.
+    /// Benchmark controller of a crane in its initial state.
     ///
     /// # Errors
     ///
@@ -133,7 +133,7 @@ impl Target for RustBenchmark {
     }
 }
 
-/// The scheduled LQR within the frame in Rust.
+/// Scheduled LQR within the frame in Rust, as the reference for exported ones.
 pub struct RustScheduledLqr {
     controller: FramedScheduledLqr<f64>,
     state: FramedScheduledLqrState<f64>,
@@ -144,7 +144,7 @@ pub struct RustScheduledLqr {
 }
 
 impl RustScheduledLqr {
-    /// The controller for a crane, with a preview of `length` control periods.
+    /// Scheduled LQR of a crane in its initial state, with a preview of the reference over `length` control periods.
     ///
     /// # Errors
     ///
@@ -164,17 +164,17 @@ impl RustScheduledLqr {
         Ok(Self { controller, state, length, input })
     }
 
-    /// Inputs of the next period besides the frame's.
+    /// Inputs of the next period besides those of the frame: estimator requests, retained parameters and preview.
     pub fn input(&mut self) -> &mut FramedScheduledLqrInput<f64> {
         &mut self.input
     }
 
-    /// Current state.
+    /// Present state of frame, estimator and law.
     pub fn state(&self) -> &FramedScheduledLqrState<f64> {
         &self.state
     }
 
-    /// Executes one control period; returns all outputs.
+    /// Executes one control period with the inputs of the frame; returns the outputs of frame and estimator.
     pub fn advance(&mut self, input: &FrameInput<f64>) -> FramedScheduledLqrOutput<f64> {
         self.input.frame = *input;
         let (state, output) = self.controller.advance(&self.state, &self.input);
@@ -204,7 +204,7 @@ impl Target for RustScheduledLqr {
 /// Number of segments of the simulated crane.
 const SEGMENTS: usize = crate::crane::SEGMENTS;
 
-/// The benchmark with simulation feedforward within the frame in Rust.
+/// Benchmark controller with simulation feedforward within the frame in Rust, as the reference for exported ones.
 pub struct RustSimulationFeedforward {
     controller: FramedSimulationFeedforward<f64>,
     state: FramedSimulationState<f64>,
@@ -216,7 +216,7 @@ pub struct RustSimulationFeedforward {
 }
 
 impl RustSimulationFeedforward {
-    /// The controller for a crane.
+    /// Benchmark controller with simulation feedforward, and the simulated crane in its initial state.
     ///
     /// # Errors
     ///

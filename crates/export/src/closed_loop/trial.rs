@@ -20,7 +20,7 @@ pub struct Outcome {
     pub lifted: f64,
     /// Largest drop below the held position until control begins \[m\].
     pub dropped: f64,
-    /// Largest movement from the energising of the valve to the beginning of the course \[m\].
+    /// Largest piston movement from the energising of the load-holding valve to the beginning of the course \[m\].
     pub engaged: f64,
     /// Duration of the release \[s\]; `None` if the load was not released.
     pub release_time: Option<f64>,
@@ -28,7 +28,7 @@ pub struct Outcome {
     pub motor_slew: f64,
     /// Largest commanded motor speed \[rev/s\].
     pub motor_speed: f64,
-    /// Final status.
+    /// Status at the end: a phase of the frame, or a fault code (`frame_phase`, `STATUS_FAULT`).
     pub status: f64,
     /// Amplitude \[m\] and frequency \[Hz\] of a detected sustained oscillation; zeros if none was detected.
     pub oscillation: [f64; 2],
@@ -38,18 +38,18 @@ pub struct Outcome {
     pub strayed: f64,
     /// Stopping distance of the piston \[m\].
     pub stopped_in: f64,
-    /// Largest tracking error over the course \[m\].
+    /// Largest magnitude of the true tracking error over the course \[m\].
     pub error: f64,
-    /// RMS tracking error over the course \[m\].
+    /// RMS true tracking error over the course \[m\].
     pub rms: f64,
-    /// Piston positions over the course, one a period, for comparison with the undisturbed course \[m\].
+    /// True piston position in each control period of the course \[m\], for comparison with the undisturbed course.
     pub course: Vec<f64>,
-    /// Error that ended the simulation, if any.
+    /// Error that ended the simulation of the machine; none if it ran to the end.
     pub broke: Option<SimulationError>,
 }
 
 impl Outcome {
-    /// Largest difference to another course \[m\].
+    /// Largest difference of the piston position to another trial \[m\], over their common control periods.
     pub fn off(&self, other: &Self) -> f64 {
         let apart = self.course.iter().zip(&other.course).map(|(a, b)| (a - b).abs());
         apart.fold(0.0, f64::max)
@@ -60,8 +60,8 @@ impl Outcome {
         [frame_phase::CONTROLLING, STATUS_FALLBACK].contains(&self.status)
     }
 
-    /// Peak-to-peak piston motion at standstill after the course \[m\]; 0 if the course is shorter than the evaluated
-    /// interval.
+    /// Peak-to-peak piston motion \[m\] in the last 1.25 s of standstill after the course; 0 if the course is shorter.
+    /// `period` is the control period \[s\].
     pub fn swing(&self, period: f64) -> f64 {
         let count = (SWING_TIME / period) as usize;
         let Some(begin) = self.course.len().checked_sub(count) else { return 0.0 };
@@ -104,7 +104,8 @@ const LONGER: f64 = 5.0;
 /// Integration step of the simulated machine \[s\].
 const MACHINE_STEP: f64 = 1e-3;
 
-/// Runs a trial.
+/// Simulates a trial: hold, release, engagement, motion and disturbance of the test case. `model` is the crane that
+/// the controller was designed for, `machine` the simulated crane, whose payload is that of the case.
 ///
 /// # Errors
 ///

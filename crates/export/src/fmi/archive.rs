@@ -1,4 +1,4 @@
-//! The zip archive of an FMU, and the binary in it.
+//! FMU archive (zip), and the compiled shared libraries in it.
 
 use super::{Unit, Version};
 use std::io::{Cursor, Write};
@@ -7,7 +7,7 @@ use std::process::Command;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Reason why no archive can be made.
+/// Reason why an FMU archive cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// A file operation failed.
@@ -29,7 +29,7 @@ pub enum ArchiveError {
     Zip(#[from] zip::result::ZipError),
 }
 
-/// Operating system of a binary, 64-bit x86.
+/// Platform of a compiled FMU: an operating system on 64-bit x86.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum System {
     /// Linux, compiled by the computer's C compiler.
@@ -39,10 +39,10 @@ pub enum System {
 }
 
 impl System {
-    /// All systems.
+    /// All platforms.
     pub const ALL: [Self; 2] = [Self::Linux, Self::Windows];
 
-    /// Name of the system.
+    /// Name of the platform in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linux => "Linux",

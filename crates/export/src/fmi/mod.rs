@@ -21,7 +21,7 @@ use model_description::About;
 use parameter_check::impossible;
 use variable::{arrays_of, bounds_of, shown, variables};
 
-/// Version of the standard.
+/// Version of the FMI standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Version {
     /// FMI 2.0
@@ -30,14 +30,14 @@ pub enum Version {
     Three,
 }
 
-/// Content of an FMU: the files of its archive without the binary.
+/// Content of an FMU (functional mock-up unit): the files of its archive without the compiled libraries.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unit {
-    /// Model identifier, which is the name of its files.
+    /// Model identifier of the FMI standard, which is the name of its files.
     pub identifier: String,
-    /// Path in the archive and content, in the archive's order.
+    /// Path in the archive and text of each file, in the archive's order.
     pub files: Vec<(String, String)>,
-    /// Version of the standard.
+    /// Version of the FMI standard.
     pub version: Version,
     /// Names of the functions that `sources/hydroboom.c` defines for `sources/fmu.c`.
     functions: Vec<String>,

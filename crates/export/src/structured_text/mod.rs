@@ -188,12 +188,13 @@ fn camel(name: &str) -> String {
     parts.collect()
 }
 
-/// Name of a block.
+/// Name of a block's function block, as `FB_HydraulicModel` for `hydraulic_model`.
 pub fn block_name(block: &Block) -> String {
     format!("FB_{}", camel(&block.name))
 }
 
-/// Name of a block's input or output.
+/// Name of a block's input or output: the paper's symbol if it has one, as `xCyl` for `stroke`, else the name in camel
+/// case.
 pub fn edge_name(name: &str) -> String {
     let known = KNOWN.iter().find(|(own, _)| *own == name).map(|(_, known)| (*known).to_string());
     known.unwrap_or_else(|| {
@@ -202,7 +203,7 @@ pub fn edge_name(name: &str) -> String {
     })
 }
 
-/// Name of a Boolean input or output.
+/// Name of a Boolean input or output, with the prefix `b` and in camel case, as `bReset`.
 pub fn switch_name(name: &str) -> String {
     format!("b{}", camel(name))
 }
@@ -235,7 +236,7 @@ fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) ->
     Declared::new(section, name, "LREAL", initial.map(literal).as_deref(), &said)
 }
 
-/// A block as a function block, without the units that it calls.
+/// Function block (IEC 61131-3) of a block, without the program organisation units that it calls.
 ///
 /// # Errors
 ///
@@ -244,7 +245,7 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     Ok(split_units(block)?.1)
 }
 
-/// A block as a function block, after the functions and function blocks that it calls.
+/// Function block (IEC 61131-3) of a block, after the functions and function blocks that it calls.
 ///
 /// # Errors
 ///
@@ -480,8 +481,8 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     Ok((units, block))
 }
 
-/// All units of a PLC project with simulation feedforward: the recorded blocks, units composed of them, programs, and
-/// the tasks that call them. Each comes after those that it uses.
+/// All program organisation units of a PLC project with simulation feedforward: the recorded blocks, units composed of
+/// them, programs, and the tasks that call them. Each comes after those that it uses.
 ///
 /// # Errors
 ///

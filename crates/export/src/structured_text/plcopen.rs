@@ -2,7 +2,7 @@
 
 use super::unit::{CONFIGURATION, Declared, Form, Kind, RESOURCE, Section, Unit};
 
-/// Units as a project.
+/// Project in PLCopen XML (TC6, version 2.01) as text, with all these units.
 pub fn project(units: &[Unit]) -> String {
     let mut text = String::from(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<project xmlns=\"http://www.plcopen.org/xml/tc6_0200\">\n  <fileHeader \

@@ -2,7 +2,7 @@
 
 use super::unit::{Form, Kind, Unit};
 
-/// Name and content of a unit's file.
+/// Name and text of the TwinCAT 3 file of a unit.
 pub fn file(unit: &Unit) -> (String, String) {
     let data = |text: &str| format!("<![CDATA[{}]]>", text.replace("]]>", "]] >"));
     let id = identity(&unit.name);

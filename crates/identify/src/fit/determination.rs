@@ -1,4 +1,4 @@
-//! Rule for whether logs determine a key.
+//! Practical identifiability: rule for whether logs determine a key.
 //!
 //! A key is determined if all of these conditions hold. The first one that fails is the reason why it is not:
 //!
@@ -21,7 +21,7 @@ use crate::experiment::Experiment;
 use crate::prediction::Prediction;
 use crate::verdict::{Aspect, Judgement, verdict};
 
-/// Whether logs determine a key, and the reason if not.
+/// Result of the test whether the logs determine a key: passed, or the condition that failed first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Determination {
     /// All conditions hold.

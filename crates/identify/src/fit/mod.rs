@@ -54,25 +54,26 @@ use nalgebra::DVector;
 use residual::{Deviations, Weighting, deviations, has_lack_of_fit, residuals};
 use samples::SampleResiduals;
 
-/// Estimate of a key.
+/// Maximum a posteriori estimate of a key θ, with its uncertainty as standard deviations of ln θ: 0.1 is about 10 %.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
-    /// The key.
+    /// Key of the crane file.
     pub key: Free,
-    /// Initial value and estimate, in SI units.
+    /// Initial value and estimate, in the key's SI unit.
     pub value: (f64, f64),
-    /// Prior standard deviation of ln θ.
+    /// Prior standard deviation of ln θ \[-\].
     pub prior: f64,
-    /// Posterior standard deviation of ln θ, from logs and prior.
+    /// Posterior standard deviation of ln θ, from logs and prior \[-\].
     pub deviation: f64,
-    /// Standard deviation of ln θ from the logs without its prior, but with the priors of all other keys.
+    /// Standard deviation of ln θ from the logs without its prior, but with the priors of all other keys \[-\].
     /// Infinite if the logs do not determine it.
     pub from_logs: f64,
-    /// The same with the fixed keys assumed to be exact.
+    /// Standard deviation as `from_logs`, if the fixed keys were exact \[-\].
     pub others_exact: f64,
-    /// Whether the logs determine it, and the reason if not.
+    /// Whether the logs determine the key, and the reason if not.
     pub determination: Determination,
-    /// Key, or delay or offset of a channel, of largest correlation with it, and that correlation.
+    /// Name of the key, or of the delay or offset of a channel, that is most correlated with this key, and the
+    /// posterior correlation coefficient \[-\]; none if there is no other parameter.
     pub partner: Option<(String, f64)>,
 }
 
@@ -81,7 +82,7 @@ pub struct Tuned {
 const INPUT_INTERPOLATION: f64 = 3e-5;
 
 impl Tuned {
-    /// Whether the logs determine the key.
+    /// Whether the logs determine the key: all conditions of [`Determination`] hold.
     pub fn is_determined(&self) -> bool {
         self.determination == Determination::Determined
     }
@@ -94,56 +95,58 @@ impl Tuned {
         }
     }
 
-    /// 95 % interval in SI units, for a model without omitted effects.
+    /// Bounds of the 95 % interval in the key's SI unit, for a model without omitted effects.
     pub fn interval(&self) -> (f64, f64) {
         let factor = (1.96 * self.deviation.hypot(INPUT_INTERPOLATION)).exp();
         (self.value.1 / factor, self.value.1 * factor)
     }
 }
 
-/// Estimate of a delay or offset of a log's channel.
+/// Estimate of a nuisance parameter: the delay or the offset of one channel of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Name of the log.
+    /// Name of the log to which the channel belongs.
     pub log: String,
-    /// The nuisance parameter.
+    /// Estimated delay or offset, by signal and kind.
     pub nuisance: Nuisance,
-    /// Estimate, in its unit.
+    /// Estimate, in the unit of [`Allowed::unit`]: ms, mm or bar.
     pub value: f64,
-    /// Posterior standard deviation, in its unit.
+    /// Posterior standard deviation in the unit of [`Allowed::unit`].
     pub deviation: f64,
-    /// Key of largest correlation with it, and that correlation.
+    /// Key that is most correlated with the delay or offset, and the posterior correlation coefficient \[-\]; none
+    /// without a free key.
     pub partner: Option<(String, f64)>,
 }
 
 impl Channel {
-    /// 95 % interval in its unit.
+    /// Lower and upper bound of the 95 % interval, in the unit of [`Allowed::unit`]: estimate ∓ 1.96 standard
+    /// deviations.
     pub fn interval(&self) -> (f64, f64) {
         (self.value - 1.96 * self.deviation, self.value + 1.96 * self.deviation)
     }
 
-    /// Whether the estimate is at a bound of its range; its excess then biases the keys.
+    /// Whether the estimate is at a bound of [`Allowed::range`]. The part beyond the bound then biases the keys.
     pub fn is_at_limit(&self) -> bool {
         determination::is_at_limit(self.value, self.nuisance.allowed().range)
     }
 
-    /// Whether zero is outside its 95 % interval.
+    /// Whether zero is outside its 95 % interval: the delay or offset is significant at 5 %.
     pub fn is_off(&self) -> bool {
         self.value.abs() > 1.96 * self.deviation
     }
 }
 
-/// RMS residuals of a log's signals before and after the fit.
+/// RMS residuals of one log's signals before and after the fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Improvement {
     /// Name of the log.
     pub log: String,
-    /// Before and after \[SI\], in the order of [`COMPARED`]; none if a signal was not measured.
+    /// RMS residual before and after, in the signal's SI unit and in the order of [`COMPARED`]; none if not measured.
     pub rms: [Option<(f64, f64)>; COMPARED.len()],
 }
 
 impl Improvement {
-    /// RMS residuals of a log for two predictions.
+    /// RMS residuals of a log for the predictions before and after a fit; each has one row for each sample.
     pub fn new(experiment: &Experiment, before: &Prediction, after: &Prediction) -> Self {
         let rms = |prediction: &Prediction, signal: usize| {
             let errors = residuals(experiment, prediction, signal);
@@ -156,26 +159,27 @@ impl Improvement {
     }
 }
 
-/// Result of a fit.
+/// Result of a fit: estimates, their covariance as correlations, and the residuals.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// The description with the estimates of the free keys.
+    /// Crane with the estimates of the free keys.
     pub description: Description,
-    /// Free keys, in the order of the task.
+    /// Estimates of the free keys, in the order of the task.
     pub tuned: Vec<Tuned>,
-    /// Free delays and offsets of the channels of each log.
+    /// Estimates of the free delays and offsets of each log's channels.
     pub channels: Vec<Channel>,
-    /// Posterior correlations of the free keys.
+    /// Posterior correlation matrix of the free keys \[-\], symmetric with a unit diagonal, in the order of `tuned`.
     pub correlation: Vec<Vec<f64>>,
-    /// Posterior correlations of each free key with each of the [`channels`](Self::channels).
+    /// Posterior correlation coefficients \[-\]: a row for each free key, a column for each of the
+    /// [`channels`](Self::channels).
     pub channel_correlation: Vec<Vec<f64>>,
-    /// RMS residuals of each log.
+    /// RMS residuals before and after the fit, one entry a log.
     pub improvements: Vec<Improvement>,
-    /// Prediction of each log before and after the fit.
+    /// Predictions before and after the fit, one for each log.
     pub predictions: (Vec<Prediction>, Vec<Prediction>),
-    /// Number of cost evaluations.
+    /// Number of cost evaluations, each of which simulates every log.
     pub evaluations: usize,
-    /// Whether the last stage has converged.
+    /// Whether the last stage of the minimisation has converged.
     pub has_converged: bool,
     /// Minimum of the cost, from which profiles start.
     minimum: Minimum,
@@ -234,18 +238,18 @@ struct Minimum {
     uncertainty: Uncertainty,
 }
 
-/// Estimation problem.
+/// Estimation problem: model, logs, free and fixed parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// Initial model, whose values are the prior means.
     pub model: &'a Description,
-    /// Logs.
+    /// Logs, prepared as experiments of this model.
     pub experiments: &'a [Experiment],
-    /// Free keys.
+    /// Keys to be estimated.
     pub free: &'a [Free],
     /// Delays and offsets of channels that are fixed at zero; all others are free.
     pub fixed: &'a [Nuisance],
-    /// Parameter vector of an earlier fit, from its [`Progress`]; none to start from the model.
+    /// Parameter vector of an earlier fit of the same task, from its [`Progress`]; none to start from the model.
     pub resume: Option<&'a [f64]>,
     /// Generations of a global search (CMA-ES) over the prior's range before the local one. Zero is usually
     /// enough, unless the initial model is far from the logs.
@@ -279,13 +283,17 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Estimates the free keys of a model from logs. `go_on` is called after each cost evaluation, and stops the
-/// fit if it returns false.
+/// Output-error estimate of the free keys θ of a model from logs, maximum a posteriori, by the Levenberg-Marquardt
+/// method.
+///
+/// It minimises Σ ρ((log − model)/σ) + Σ ((ln θ − ln θ_0)/s)² with Huber's loss ρ. σ is the standard deviation of
+/// sensor noise and model error, and s the prior standard deviation of ln θ. `go_on` is called after each cost
+/// evaluation, and stops the fit if it returns false. Source: Ljung, *System Identification*, 2nd ed. 1999, chapter 7.
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if the initial model cannot be simulated, `resume` has another length, or the fit was
-/// stopped.
+/// [`IdentifyError`] if the initial model cannot be simulated, `resume` has another length than the parameter vector,
+/// or the fit was stopped.
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let prior = task.prior();
     let layout = task.layout();

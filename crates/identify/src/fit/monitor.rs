@@ -3,12 +3,12 @@
 use nalgebra::DVector;
 use std::cell::RefCell;
 
-/// Progress of a fit.
+/// Progress of a fit, after each cost evaluation.
 #[derive(Clone, Debug)]
 pub struct Progress<'a> {
-    /// Number of cost evaluations.
+    /// Number of cost evaluations since the start.
     pub runs: usize,
-    /// Cost of the last one: sum of squared residuals in standard deviations \[-\].
+    /// Cost of the newest evaluation: sum of the squared residuals, each divided by its standard deviation \[-\].
     pub cost: f64,
     /// Parameter vector of least cost in this iteration, from which a fit can be resumed.
     pub best: &'a [f64],

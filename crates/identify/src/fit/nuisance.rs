@@ -12,7 +12,7 @@ use crate::prediction::Prediction;
 use hydroboom_measurement::{Dimension, Signal};
 use serde::Serialize;
 
-/// Kind of a nuisance parameter.
+/// Kind of a nuisance parameter: a delay or an offset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Effect {
@@ -23,29 +23,29 @@ pub enum Effect {
     Offset,
 }
 
-/// A nuisance parameter: delay or offset of a compared channel.
+/// Nuisance parameter: the delay or the offset of one compared channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Nuisance {
-    /// Its kind.
+    /// Delay or offset.
     pub effect: Effect,
     /// Signal of the channel.
     pub signal: Signal,
 }
 
-/// Range and prior of a nuisance parameter, in its unit.
+/// Range and prior of a nuisance parameter, in its display unit: ms, mm or bar.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allowed {
-    /// Last part of its key, after the channel's name: `stroke.delay_ms`.
+    /// Last part of its key, as `delay_ms` in `stroke.delay_ms`.
     pub name: &'static str,
-    /// Unit.
+    /// Display unit: ms, mm or bar.
     pub unit: &'static str,
-    /// The unit in SI units.
+    /// One display unit in SI units: 1e-3 for ms and mm, 1e5 for bar.
     pub size: f64,
-    /// Smallest and largest allowed value; a fixed one is zero.
+    /// Smallest and largest estimate allowed, in the display unit; a fixed nuisance parameter is zero.
     pub range: [f64; 2],
-    /// Prior standard deviation, about a prior mean of zero.
+    /// Prior standard deviation in the display unit, about a prior mean of zero.
     pub deviation: f64,
-    /// Source of range and prior.
+    /// Source of range and prior, as text.
     pub source: &'static str,
 }
 
@@ -88,7 +88,7 @@ impl Nuisance {
         Self { effect, signal: COMPARED[index % CRANE] }
     }
 
-    /// Its range and prior.
+    /// Range and prior standard deviation, with their source.
     pub fn allowed(self) -> &'static Allowed {
         match (self.effect, self.signal.dimension()) {
             (Effect::Delay, _) => &DELAY,
@@ -97,7 +97,7 @@ impl Nuisance {
         }
     }
 
-    /// Its key: `stroke.delay_ms`.
+    /// Key, as `stroke.delay_ms`: signal, effect and unit.
     pub fn path(self) -> String {
         format!("{}.{}", self.signal.key(), self.allowed().name)
     }

@@ -17,10 +17,10 @@ use crate::free::Free;
 use hydroboom_description::schema::Numbers;
 use nalgebra::DVector;
 
-/// Profile of the cost over one key.
+/// Profile likelihood of one key: the least cost over all other parameters as a function of the key's value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// The key.
+    /// Key whose likelihood is profiled.
     pub key: Free,
     /// Increasing values of the key in SI units, each with the increase of the least cost over all other free
     /// parameters \[-\]. The cost includes neither the prior of the key nor a change of the fixed keys. It is

@@ -16,39 +16,40 @@ use nalgebra::{SMatrix, SVector};
 /// Quantity of a block as an affine function of the state deviation at its start and of its command.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Linear<const Z: usize> {
-    /// Gradient with respect to the state.
+    /// Gradient c_j with respect to the state deviation at the start of the block \[unit of the quantity per state
+    /// unit\].
     pub state: SVector<f64, Z>,
-    /// Derivative with respect to the command.
+    /// Derivative d_j with respect to the command deviation \[unit of the quantity per rev/s\].
     pub command: f64,
-    /// Value without a deviation.
+    /// Value r_j without a deviation, in the quantity's unit.
     pub value: f64,
 }
 
 /// Limit of such a quantity.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limit<const Z: usize> {
-    /// Limited quantity.
+    /// Limited quantity as an affine function.
     pub of: Linear<Z>,
-    /// Lower and upper limit.
+    /// Lower and upper limit, in the quantity's unit.
     pub range: [f64; 2],
-    /// Price of a violation per unit; infinite for a hard limit.
+    /// Price of a violation per unit of the quantity \[cost per unit\]; infinite for a hard limit.
     pub price: f64,
 }
 
 /// Block of the horizon, linearised about the present commands: Z states, L limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block<const Z: usize, const L: usize> {
-    /// A_k
+    /// State transition matrix A_k, Z × Z.
     pub transition: SMatrix<f64, Z, Z>,
-    /// b_k
+    /// Input vector b_k: effect of the command \[state unit per rev/s\].
     pub input: SVector<f64, Z>,
-    /// Residuals at the end of the block.
+    /// Weighted residuals at the end of the block, whose squares are the cost \[-\].
     pub residuals: [Linear<Z>; 2],
-    /// Residual of the command: derivative and value.
+    /// Weighted residual of the command: derivative s_k \[1/(rev/s)\] and value o_k \[-\].
     pub command_residual: [f64; 2],
-    /// Smallest and largest change of the command.
+    /// Smallest and largest change of the command \[rev/s\].
     pub command_range: [f64; 2],
-    /// Limits.
+    /// Limits at the end of the block.
     pub limits: [Limit<Z>; L],
 }
 

@@ -18,7 +18,7 @@ use hydroboom_design::scheduled_lqr::{designed, known_delay};
 pub(super) struct EstimatedMachine {
     /// Estimator, with measurements processed as under its own control law.
     observer: ScheduledLqrController,
-    /// Weights, gain schedule and smoothing. Its command is not used.
+    /// Scheduled LQR, of which weights, gain schedule and smoothing are used, but not its command.
     pub law: ScheduledLqr<f64>,
     regulator: Regulator<f64>,
     /// Motor speed commanded last \[rev/s\].
@@ -28,11 +28,11 @@ pub(super) struct EstimatedMachine {
 /// Information available in a control period.
 #[derive(Clone, Copy)]
 pub(super) struct Now<'a> {
-    /// The estimator.
+    /// State estimator of the scheduled LQR.
     pub estimator: &'a StateEstimator<f64>,
     /// Estimates at the time of the measurement.
     pub estimated: &'a StateEstimatorState<f64>,
-    /// Predicted state at the time the command acts.
+    /// State predicted for the time at which the command acts.
     pub predicted: PredictedState<f64>,
 }
 

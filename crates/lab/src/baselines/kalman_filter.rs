@@ -12,8 +12,8 @@ const READINGS: [f64; 2] = [1e-5, 3e4];
 /// Kalman filter of constant gain.
 pub(super) struct KalmanFilter {
     gain: SMatrix<f64, ALL, 2>,
-    /// Position, velocity, load pressure, disturbance acceleration and disturbance rate of the load
-    /// pressure.
+    /// Estimated state: position \[m\], velocity \[m/s\], load pressure \[Pa\], disturbance acceleration \[m/s²\] and
+    /// disturbance rate of the load pressure \[Pa/s\].
     pub state: SVector<f64, ALL>,
 }
 

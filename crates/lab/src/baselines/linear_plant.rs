@@ -18,9 +18,9 @@ pub(super) struct LinearPlant {
     at: OperatingPoint,
     /// Largest motor speed \[rev/s\].
     speed_limit: f64,
-    /// State matrix A of all five states.
+    /// State matrix A of the sampled plant, 5 × 5: three states of motion and two disturbances, in SI units.
     pub a: SMatrix<f64, ALL, ALL>,
-    /// Input matrix: motor speed, and load pressure at rest.
+    /// Input matrix of the sampled plant, 5 × 2: motor speed \[rev/s\], and load pressure at rest \[Pa\].
     pub b: SMatrix<f64, ALL, 2>,
 }
 

@@ -12,11 +12,11 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 
-/// Weights and noise of the LQG design.
+/// Weights of the state feedback and noise of the Kalman filter of the LQG design.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// Deviations of equal cost: position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor speed
-    /// \[rev/s\] (Bryson's rule).
+    /// Deviations of equal cost by Bryson's rule: position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor
+    /// speed \[rev/s\]. The weight of each is the reciprocal of its square.
     pub alike: [f64; 4],
     /// Process noise: standard deviation by which each state drifts in one second. The states are position
     /// \[m\], velocity \[m/s\], load pressure \[Pa\], disturbance acceleration \[m/s²\] and disturbance
@@ -24,9 +24,9 @@ pub struct Weights {
     pub drift: [f64; 5],
 }
 
-/// Result of `cargo run --release -p hydroboom-lab --example reoptimise`. It minimises the geometric mean
-/// of the RMS error over the published benchmark's on virtual cranes of seed 7 at both speeds. A crane that
-/// oscillates only under the LQG counts with ten times its error.
+/// Weights and noise in use: the result of `cargo run --release -p hydroboom-lab --example reoptimise`. It minimises
+/// the geometric mean of the RMS error over the published benchmark's on virtual cranes of seed 7 at both speeds. A
+/// crane that oscillates only under the LQG counts with ten times its error.
 pub const LQG: Weights =
     Weights { alike: [1e-3, 2.13e-2, 1.58e6, 3.74], drift: [1e-5, 1.51e-3, 1.65e6, 0.241, 4.26e6] };
 

@@ -34,7 +34,7 @@ const ROWS: usize = LIMITS * BLOCKS;
 
 /// Gauss-Newton steps on consecutive problems.
 pub(super) struct GaussNewton {
-    /// Commands of the blocks \[rev/s\].
+    /// Commanded motor speeds, one for each block of the horizon \[rev/s\].
     pub commands: [f64; BLOCKS],
     program: Box<QuadraticProgram<BLOCKS, ROWS>>,
 }

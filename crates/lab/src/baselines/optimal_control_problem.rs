@@ -39,42 +39,42 @@ pub(super) struct MachineLimits {
     pub slew: f64,
     /// Lowest and highest pressure on the piston side \[Pa\].
     pub pressure: [f64; 2],
-    /// Price of a pressure violation per pascal.
+    /// Price of a pressure violation \[cost per Pa\].
     pub pressure_price: f64,
 }
 
 /// Optimal control problem.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OptimalControlProblem {
-    /// Reduced model.
+    /// Reduced model F of the estimator.
     pub model: ReducedModel<f64>,
-    /// Initial state, disturbances and parameters.
+    /// State at the start of the horizon, with disturbances and parameters.
     pub begin: MachineState<f64>,
-    /// Initial motor speed \[rev/s\].
+    /// Motor speed at the start of the horizon \[rev/s\].
     pub motor_speed: f64,
-    /// Piston-side pressure minus load pressure \[Pa\].
+    /// Piston-side pressure minus load pressure, p_h \[Pa\]: rod-side pressure times the area ratio.
     pub rod_side_term: f64,
-    /// Share of the distance to its command that the motor's speed covers in a period.
+    /// Share g of the distance to its command that the motor's speed covers in a period \[-\], 0 to 1.
     pub drive: f64,
     /// Control period \[s\].
     pub period: f64,
-    /// Limits of the machine.
+    /// Limits of motor speed, slew rate and pressure.
     pub limits: MachineLimits,
     /// Weights of position \[1/m²\], velocity \[s²/m²\] and motor speed \[s²/rev²\] in a period.
     pub weights: [f64; 3],
-    /// Reference over the horizon.
+    /// Reference at each block of the horizon.
     pub reference: ReferenceHorizon,
-    /// Cost-to-go matrix over (y, w, p, n).
+    /// Cost-to-go matrix P over (y, w, p, n), 4 × 4, of the scheduled LQR.
     pub cost_to_go: Matrix<f64>,
 }
 
 /// Problem linearised about given commands.
 pub(super) struct Linearised {
-    /// Blocks of the horizon.
+    /// Linearised blocks of the horizon, first to last.
     pub blocks: [Block<STATES, LIMITS>; BLOCKS],
-    /// Cost-to-go matrix at the end of the horizon.
+    /// Cost-to-go matrix P at the end of the horizon, over the five states of the problem.
     pub cost_to_go: SMatrix<f64, STATES, STATES>,
-    /// Error at the end of the horizon.
+    /// Deviation e_N of the state from its reference at the end of the horizon.
     pub end: SVector<f64, STATES>,
 }
 

@@ -28,17 +28,17 @@ const LEAST_SLACK: f64 = 1e-2;
 
 /// Quadratic program of N unknowns and M rows.
 pub(super) struct QuadraticProgram<const N: usize, const M: usize> {
-    /// H, positive definite.
+    /// Hessian H, N × N, symmetric and positive definite.
     pub hessian: SMatrix<f64, N, N>,
-    /// q
+    /// Linear term q of the cost.
     pub slope: SVector<f64, N>,
-    /// Lower and upper limits of the unknowns, l and u.
+    /// Lower and upper limits of the unknowns, l and u; infinite for none.
     pub bounds: [SVector<f64, N>; 2],
-    /// Gradients a_i, one per column.
+    /// Gradients a_i of the M limited quantities, one per column.
     pub rows: SMatrix<f64, N, M>,
-    /// Lower and upper limits of the rows.
+    /// Lower and upper limits l_i and u_i of a_iᵀ x; infinite for none.
     pub limits: [SVector<f64, M>; 2],
-    /// Price of a row's distance from its limits; infinite for a hard limit.
+    /// Price of the distance of a_iᵀ x from its limits \[cost per unit\]; infinite for a hard limit.
     pub prices: SVector<f64, M>,
     /// Sides of the limits: N bounds and M rows, first the lower, then the upper ones.
     sides: [Vec<Side>; 2],

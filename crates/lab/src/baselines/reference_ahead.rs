@@ -13,9 +13,9 @@ use hydroboom_control::reference::speed_limit::SpeedLimit;
 /// Reference at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ReferencePoint {
-    /// State of the reduced model.
+    /// Reference state of the reduced model.
     pub state: PredictedState<f64>,
-    /// Piston position \[m\].
+    /// Reference position of the piston \[m\].
     pub piston: f64,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct ReferencePoint {
 pub(super) struct ReferenceHorizon {
     /// Reference at the beginnings of the blocks, and at the end.
     pub points: [ReferencePoint; BLOCKS + 1],
-    /// Motor speeds, advanced by the drive's lag.
+    /// Motor speed of the reference by inverse dynamics in each block \[rev/s\], advanced by the drive's lag.
     pub motor_speeds: [f64; BLOCKS],
 }
 

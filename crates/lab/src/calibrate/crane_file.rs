@@ -12,47 +12,47 @@ use toml_edit::DocumentMut;
 const BEGIN: &str = "# --- calibration: written by `hydroboom calibrate` ---";
 const END: &str = "# --- end of calibration ---";
 
-/// Published result with the virtual crane's.
+/// Published result of the real crane, compared with the virtual crane's.
 #[derive(Clone, Debug, Serialize)]
 pub struct Reached {
     /// Name of the quantity with its unit.
     pub name: String,
-    /// Table of the paper.
+    /// Number of the table in the paper.
     pub table: &'static str,
-    /// Value printed there, measured on the real crane.
+    /// Published value, measured on the real crane, in the unit of the name.
     pub published: f64,
-    /// Value of the virtual crane.
+    /// Value of the virtual crane, in the unit of the name.
     pub reached: f64,
     /// Difference in percent of the published value.
     pub difference_percent: f64,
-    /// Tolerance in percent.
+    /// Tolerance of the calibration in percent of the published value.
     pub tolerance_percent: f64,
     /// Whether the difference is within the tolerance.
     pub within: bool,
 }
 
-/// A calibrated parameter.
+/// Calibrated parameter with its uncertainty.
 #[derive(Clone, Debug, Serialize)]
 pub struct Calibrated {
-    /// Key `section.key`.
+    /// Path `section.key` in the crane file.
     pub key: &'static str,
-    /// Value in the key's unit.
+    /// Calibrated value in the key's unit.
     pub value: f64,
-    /// Plausible range.
+    /// Smallest and largest plausible value in the key's unit.
     pub range: [f64; 2],
-    /// Standard deviation as a share of the range; near or above 0.3 the published results do not determine
-    /// it.
+    /// Standard deviation as a share of the range \[-\]; near or above 0.3 the published results do not determine the
+    /// parameter.
     pub deviation: f64,
-    /// Whether the published results determine it: to better than a tenth of its range.
+    /// Whether the published results determine the parameter: its standard deviation is below a tenth of its range.
     pub determined: bool,
-    /// Parameter of the strongest correlation.
+    /// Parameter of the strongest correlation, as `section.key`.
     pub partner: &'static str,
-    /// Correlation with that parameter, -1 to 1.
+    /// Correlation coefficient with the most correlated parameter \[-\], −1 to 1.
     pub correlation: f64,
 }
 
 impl Found {
-    /// All published results with the crane's.
+    /// All published results, each with the virtual crane's, in the order of the paper's tables.
     pub fn reached(&self) -> Vec<Reached> {
         published()
             .into_iter()
@@ -72,7 +72,7 @@ impl Found {
             .collect()
     }
 
-    /// All parameters with their uncertainty.
+    /// All calibrated parameters with their uncertainty, in the order of the parameters.
     pub fn calibrated(&self) -> Vec<Calibrated> {
         PARAMETERS
             .iter()
@@ -98,7 +98,8 @@ impl Found {
             .collect()
     }
 
-    /// The template with the calibrated parameters, their provenance, and a table of the results.
+    /// Text of a crane file: the template with the calibrated parameters, their provenance, and a table of the
+    /// results.
     ///
     /// # Errors
     ///

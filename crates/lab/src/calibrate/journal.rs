@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Longest journal that is read \[B\]: about 100 000 evaluations.
 const LONGEST: u64 = 100_000_000;
 
-/// Evaluations, indexed by the exact bits of their point.
+/// Journal of evaluations, each found by the exact bits of its point.
 pub struct Journal {
     known: HashMap<Vec<u64>, Option<Vec<f64>>>,
     file: Option<(PathBuf, File)>,
@@ -24,7 +24,7 @@ fn bits(point: &[f64]) -> Vec<u64> {
 }
 
 impl Journal {
-    /// Journal in memory only.
+    /// Empty journal that is not stored in a file.
     pub fn in_memory() -> Self {
         Self { known: HashMap::new(), file: None }
     }
@@ -69,7 +69,7 @@ impl Journal {
         Ok(Self { known, file: Some((path.into(), file)) })
     }
 
-    /// Evaluation at a point, from the journal or computed now and recorded. None if it fails.
+    /// Evaluation at a point, from the journal if it has it, else computed by `make` and recorded. None if it fails.
     ///
     /// # Errors
     ///
@@ -91,7 +91,7 @@ impl Journal {
         Ok(values)
     }
 
-    /// Number of evaluations in the journal.
+    /// Number of evaluations in the journal, including those read from its file.
     pub fn len(&self) -> usize {
         self.known.len()
     }

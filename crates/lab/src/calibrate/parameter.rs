@@ -3,23 +3,23 @@
 use crate::LabError;
 use hydroboom_description::Description;
 
-/// Key of the crane file to be calibrated.
+/// Parameter of the real crane that the paper does not publish, to be calibrated within a plausible range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// Key `section.key`.
+    /// Path `section.key` in the crane file.
     pub key: &'static str,
     /// Smallest plausible value, in the key's unit.
     pub low: f64,
-    /// Largest plausible value.
+    /// Largest plausible value, in the key's unit.
     pub high: f64,
-    /// Whether the scale is logarithmic.
+    /// Whether the range is divided logarithmically: then a share of 0.5 is the geometric mean of its ends.
     pub logarithmic: bool,
-    /// Reason for the range.
+    /// Reason for the range, or its source.
     pub reason: &'static str,
 }
 
 impl Parameter {
-    /// Value at a share of the range, 0 to 1.
+    /// Value in the key's unit at a share of the range, 0 to 1.
     pub fn value(&self, share: f64) -> f64 {
         match self.logarithmic {
             true => self.low * (self.high / self.low).powf(share),
@@ -27,7 +27,8 @@ impl Parameter {
         }
     }
 
-    /// Share of the range of a value.
+    /// Share of the range at which a value in the key's unit lies: 0 at the smallest, 1 at the largest plausible
+    /// value.
     pub fn share(&self, value: f64) -> f64 {
         match self.logarithmic {
             true => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -44,7 +45,7 @@ const fn factor(key: &'static str, low: f64, high: f64, reason: &'static str) ->
     Parameter { key, low, high, logarithmic: true, reason }
 }
 
-/// All calibrated parameters.
+/// All calibrated parameters with their ranges.
 pub const PARAMETERS: [Parameter; 24] = [
     factor("boom.second_moment_cm4", 1000.0, 2500.0, "the section is not published"),
     factor("base.stiffness_knm_per_rad", 3000.0, 100_000.0, "a bolted steel column"),
@@ -87,7 +88,7 @@ pub const PARAMETERS: [Parameter; 24] = [
     linear("motion.rest_s", 0.5, 8.0, "the paper does not state the window of its errors"),
 ];
 
-/// The crane with the parameters at the given shares of their ranges; shares are clamped to 0 to 1.
+/// Crane with the calibrated parameters at the given shares of their ranges; shares are clamped to 0 to 1.
 ///
 /// # Errors
 ///
@@ -101,7 +102,7 @@ pub fn crane_at(template: &Description, shares: &[f64]) -> Result<Description, L
     Ok(crane)
 }
 
-/// Shares of the ranges of a crane's parameters.
+/// Shares of the ranges at which a crane's calibrated parameters lie, in the order of [`PARAMETERS`].
 pub fn shares_of(crane: &Description) -> [f64; PARAMETERS.len()] {
     PARAMETERS.map(|parameter| {
         crane

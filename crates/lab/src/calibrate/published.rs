@@ -10,20 +10,20 @@ use hydroboom_description::Description;
 use serde::Serialize;
 use std::thread;
 
-/// Published result of the real crane.
+/// Result of the real crane as published in the paper.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Published {
     /// Name of the quantity with its unit.
     pub name: String,
-    /// Table of the paper.
+    /// Number of the table in the paper.
     pub table: &'static str,
-    /// Published value.
+    /// Published value in the unit of the name.
     pub value: f64,
-    /// Tolerance as a share of the value.
+    /// Tolerance of the calibration as a share of the published value \[-\].
     pub tolerance: f64,
 }
 
-/// Number of published results.
+/// Number of published results: 3 eigenfrequencies, 4 errors each of two strategies, and 7 figures of Table 6.
 pub const RESULTS: usize = 3 + 4 + 4 + 7;
 
 /// All published results in the order of [`shown`].
@@ -53,14 +53,14 @@ pub fn published() -> Vec<Published> {
     all
 }
 
-/// Tests of the published results on one virtual crane.
+/// Runs of one virtual crane in the tests whose results are published.
 #[derive(Clone, Debug)]
 pub struct Tests {
-    /// Eigenfrequencies of Table 5 \[Hz\].
+    /// Eigenfrequencies at the three strokes of Table 5 \[Hz\].
     pub eigenfrequency: [f64; 3],
-    /// Velocity feedforward at both speeds.
+    /// Runs under velocity feedforward at the slow and the fast speed.
     pub velocity_feedforward: [Run; 2],
-    /// Benchmark controller at both speeds.
+    /// Runs under the benchmark controller at the slow and the fast speed.
     pub benchmark: [Run; 2],
     /// The published model under velocity feedforward at the fast speed, for Table 6.
     pub simulated: Run,
@@ -68,7 +68,7 @@ pub struct Tests {
     motion: OutAndBack<f64>,
 }
 
-/// Runs the tests on two threads.
+/// Simulates the tests on a crane, with controllers designed for `model`, on two threads.
 ///
 /// # Errors
 ///
@@ -97,7 +97,7 @@ pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError
     })
 }
 
-/// Results of the tests in the order of [`published`].
+/// Results of the tests in the order and the units of [`published`].
 ///
 /// # Errors
 ///

@@ -26,38 +26,39 @@ const FAILED: f64 = 1e4;
 /// because the time of a peak may change.
 const DIFFERENCE: f64 = 0.02;
 
-/// Effort of a search.
+/// Number of evaluations that a search may spend.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effort {
-    /// Generations of the global search.
+    /// Number of generations of the global search (CMA-ES).
     pub generations: usize,
-    /// Cranes in each generation.
+    /// Number of cranes in each generation.
     pub population: usize,
-    /// Iterations of the local search.
+    /// Number of iterations of the local search (Levenberg-Marquardt).
     pub iterations: usize,
 }
 
-/// Progress of a search.
+/// Progress of a search, after each evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Evaluations so far.
+    /// Number of evaluations in the journal.
     pub evaluations: usize,
-    /// Loss of the best crane so far.
+    /// Smallest loss so far \[-\]: sum of squared residuals, deviations over tolerances under Cauchy's loss, and
+    /// prior.
     pub best: f64,
 }
 
-/// Result of a search.
+/// Calibrated crane as parameters and results, with the uncertainty of the parameters.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// Shares of the parameters' ranges.
+    /// Shares of the parameters' ranges \[-\], 0 to 1, in the order of the parameters.
     pub shares: Vec<f64>,
-    /// Results of the crane with these parameters.
+    /// Results of the crane with these parameters, in the order and units of the published results.
     pub shown: [f64; RESULTS],
-    /// Standard deviation of each share, with the tolerances as standard deviations.
+    /// Standard deviation of each share \[-\], with the tolerances as standard deviations of the results.
     pub deviation: Vec<f64>,
-    /// Correlation matrix of the parameters.
+    /// Correlation matrix of the parameters \[-\], in their order.
     pub correlation: DMatrix<f64>,
-    /// Number of evaluations.
+    /// Number of evaluations that the search took.
     pub evaluations: usize,
 }
 

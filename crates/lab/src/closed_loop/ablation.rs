@@ -11,16 +11,16 @@ use serde::Serialize;
 
 const BAR: f64 = 1e5;
 
-/// Mechanism, and the change that switches it off.
+/// Mechanism of the scheduled LQR, and the change of keys that switches it off.
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanism {
-    /// Its name.
+    /// Name of the mechanism in tables.
     pub name: &'static str,
     /// Change of the controller's crane file; that of the machine is unchanged.
     switch_off: fn(&mut Numbers<f64>),
 }
 
-/// Mechanisms of estimator and control law.
+/// Mechanisms of estimator and control law that the study switches off in turn.
 pub const MECHANISMS: [Mechanism; 11] = [
     Mechanism {
         name: "transition pressure estimated",
@@ -81,7 +81,7 @@ pub const MECHANISMS: [Mechanism; 11] = [
 ];
 
 impl Mechanism {
-    /// Controller's crane file without the mechanism.
+    /// Crane file of the controller with the mechanism switched off.
     pub fn without(&self, model: &Description) -> Description {
         let mut without = model.clone();
         (self.switch_off)(&mut without.numbers);
@@ -89,20 +89,20 @@ impl Mechanism {
     }
 }
 
-/// True RMS error without a mechanism over that of the complete controller on the same crane and course.
+/// True RMS errors without a mechanism, relative to those of the complete controller on the same cranes and course.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name of the mechanism.
     pub mechanism: &'static str,
     /// Keys of the controller's crane file that switch it off, as `section.key=value`.
     pub overrides: Vec<String>,
-    /// Course.
+    /// Name of the course.
     pub course: String,
-    /// Number of cranes.
+    /// Number of simulated cranes.
     pub cranes: usize,
-    /// Geometric mean of the ratios.
+    /// Geometric mean over the cranes of the ratio of RMS errors \[-\]; above 1 the mechanism reduces the error.
     pub mean_ratio: f64,
-    /// Largest ratio.
+    /// Largest ratio of RMS errors \[-\].
     pub largest_ratio: f64,
     /// Number of cranes in sustained oscillation, or stopped, without the mechanism.
     pub oscillating: usize,

@@ -16,7 +16,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
-/// Required range of the mean NIS over a window.
+/// Required range of the mean NIS over a window \[-\]; 1 for a consistent filter.
 pub const NIS_RANGE: RangeInclusive<f64> = 0.5..=2.0;
 /// Required share of windows \[%\] with a mean NIS within [`NIS_RANGE`].
 pub const NIS_SHARE: f64 = 90.0;
@@ -25,7 +25,7 @@ pub const COVERAGE: RangeInclusive<f64> = 90.0..=99.0;
 /// Smallest number of instants for a statement on coverage. Of that many, a normal distribution leaves five
 /// outside on average.
 pub const FEWEST_INSTANTS: usize = 100;
-/// Largest allowed ratio of mean standard deviation to RMS error: above it the filter is too pessimistic.
+/// Largest allowed ratio of mean standard deviation to RMS error \[-\]: above it the filter is too pessimistic.
 pub const LARGEST_DEVIATION: f64 = 2.0;
 
 /// Innovations of one measured signal, sample by sample: means over windows, and autocorrelation.
@@ -49,7 +49,7 @@ pub struct Innovations {
 }
 
 impl Innovations {
-    /// Empty statistics.
+    /// Empty statistics for windows of `window` samples (at least one) and an autocorrelation over `lags` \[samples\].
     pub fn new(window: usize, lags: RangeInclusive<usize>) -> Self {
         let count = lags.clone().count();
         Self {
@@ -65,8 +65,8 @@ impl Innovations {
         }
     }
 
-    /// Adds the normalised innovation ν/√S \[1\] of a sample. None excludes the sample, as after a load
-    /// change, and its window.
+    /// Adds the normalised innovation ν/√S \[-\] of a sample. None excludes the sample and its window, as after a load
+    /// change.
     pub fn add(&mut self, normalised: Option<f64>) {
         match normalised {
             Some(value) => {
@@ -96,7 +96,7 @@ impl Innovations {
         }
     }
 
-    /// Autocorrelation of largest magnitude with its lag \[samples\]; none without samples.
+    /// Autocorrelation of largest magnitude \[-\] with its lag \[samples\]; none without samples.
     pub fn largest_autocorrelation(&self) -> Option<(f64, usize)> {
         let square = self.squares.0 / self.squares.1 as f64;
         self.lags
@@ -109,29 +109,30 @@ impl Innovations {
     }
 }
 
-/// Summary of the innovations of one measured signal over several runs.
+/// Statistics of the normalised innovations of one measured signal over several runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct InnovationSummary {
     /// Number of windows without a load change.
     pub windows: usize,
-    /// Mean NIS over all windows.
+    /// Mean NIS over all windows \[-\]; 1 for a consistent filter.
     pub mean_nis: f64,
-    /// Share of windows whose mean NIS is within 0.5 to 2.
+    /// Share of windows \[%\] whose mean NIS is within 0.5 to 2.
     pub within_percent: f64,
-    /// Share of windows whose mean NIS is within the 95 % band of white innovations.
+    /// Share of windows \[%\] whose mean NIS is within the 95 % band of white innovations.
     pub within_chi_square_percent: f64,
-    /// Limits of that band.
+    /// Lower and upper limit of the 95 % band of a window's mean NIS \[-\]: quantiles of χ² with the window's number
+    /// of samples as degrees of freedom, over that number.
     pub chi_square_band: [f64; 2],
-    /// Median over the runs of the largest magnitude of the autocorrelation.
+    /// Median over the runs of the largest magnitude of the autocorrelation \[-\].
     pub median_autocorrelation: f64,
-    /// Largest autocorrelation of all runs, with its sign.
+    /// Autocorrelation of largest magnitude in all runs, with its sign \[-\].
     pub largest_autocorrelation: f64,
-    /// Its lag \[samples\].
+    /// Lag of the autocorrelation of largest magnitude \[samples\].
     pub largest_at_lag: usize,
 }
 
 impl InnovationSummary {
-    /// Summary of runs with equal window length; none if no run has a complete window.
+    /// Statistics over runs with equal window length; none if no run has a complete window.
     pub fn of<'a>(runs: impl IntoIterator<Item = &'a Innovations>) -> Option<Self> {
         let (mut means, mut largest, mut window) = (Vec::new(), Vec::new(), 1);
         for run in runs {
@@ -161,7 +162,7 @@ impl InnovationSummary {
         })
     }
 
-    /// Whether the required share of windows is within [`NIS_RANGE`].
+    /// Whether at least [`NIS_SHARE`] percent of the windows have a mean NIS within [`NIS_RANGE`].
     pub fn is_consistent(&self) -> bool {
         self.within_percent >= NIS_SHARE
     }
@@ -178,7 +179,7 @@ fn chi_square_band(count: usize) -> [f64; 2] {
     }
 }
 
-/// Estimation errors of one quantity with the filter's standard deviations.
+/// Estimation errors of one quantity with the filter's standard deviations, as running sums.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Errors {
     count: u64,
@@ -201,7 +202,7 @@ impl Errors {
         self.covered += u64::from(error.abs() <= 2.0 * deviation);
     }
 
-    /// Adds the errors of another collection.
+    /// Adds the errors of another run.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.nees += other.nees;
@@ -211,7 +212,7 @@ impl Errors {
         self.covered += other.covered;
     }
 
-    /// Summary in a unit of the given size; none without errors.
+    /// Statistics with errors divided by `unit`, the size of the display unit in SI units; none without errors.
     pub fn summary(&self, unit: f64) -> Option<ErrorSummary> {
         let count = self.count as f64;
         let (rms, deviation) = ((self.square / count).sqrt(), self.deviation / count);
@@ -227,27 +228,28 @@ impl Errors {
     }
 }
 
-/// Summary of the estimation errors of one quantity.
+/// Statistics of the estimation errors of one quantity.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct ErrorSummary {
-    /// Number of errors.
+    /// Number of instants at which the error was taken.
     pub instants: u64,
-    /// Mean normalised estimation error squared.
+    /// Mean normalised estimation error squared (NEES) \[-\]; 1 for a consistent filter.
     pub mean_nees: f64,
-    /// Mean error, in the quantity's unit.
+    /// Mean error, estimate minus truth, in the display unit.
     pub mean_error: f64,
-    /// RMS error, in the quantity's unit.
+    /// RMS error, in the display unit.
     pub rms_error: f64,
-    /// Mean standard deviation, in the quantity's unit.
+    /// Mean standard deviation stated by the filter, in the display unit.
     pub mean_deviation: f64,
-    /// Mean standard deviation over RMS error.
+    /// Mean standard deviation over RMS error \[-\]: below 1 the filter is too optimistic.
     pub deviation_over_rms: f64,
-    /// Share of errors within two standard deviations.
+    /// Share of errors within two standard deviations \[%\].
     pub coverage_percent: f64,
 }
 
 impl ErrorSummary {
-    /// Whether coverage and standard deviation meet the requirements; none for too few instants.
+    /// Whether the coverage is within [`COVERAGE`] and the standard deviation at most [`LARGEST_DEVIATION`] times the
+    /// RMS error; none for fewer than [`FEWEST_INSTANTS`] instants.
     pub fn is_consistent(&self) -> Option<bool> {
         let is_as_wanted = COVERAGE.contains(&self.coverage_percent)
             && self.deviation_over_rms <= LARGEST_DEVIATION;

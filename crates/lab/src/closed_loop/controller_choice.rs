@@ -11,17 +11,17 @@ use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_design::stability::{benchmark_stability, stability_of};
 use serde::{Serialize, Serializer};
 
-/// Controller by name and parameters.
+/// Controller of a closed loop: a strategy of the project, or a baseline for comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ControllerChoice {
-    /// Strategy for a machine.
+    /// Control strategy of the project.
     Strategy(Strategy),
-    /// Baseline for comparison.
+    /// Baseline, a published method for comparison.
     Baseline(Baseline),
 }
 
 impl ControllerChoice {
-    /// All strategies in their order.
+    /// All strategies, in the order in which they are listed in tables.
     pub fn strategies() -> Vec<Self> {
         Strategy::ALL.map(Self::Strategy).to_vec()
     }
@@ -37,7 +37,7 @@ impl ControllerChoice {
         Ok(all)
     }
 
-    /// Index among all controllers.
+    /// Index among all controllers, from 0, for the order of tables.
     pub fn place(self) -> usize {
         let names = Strategy::ALL.iter().map(|strategy| strategy.name()).chain(Baseline::NAMES);
         names.take_while(|name| *name != self.name()).count()
@@ -60,8 +60,8 @@ impl ControllerChoice {
         })
     }
 
-    /// Whether its closed loops on a crane are stable, linearised over the stroke. None for baselines other
-    /// than a retuned benchmark, and if a loop cannot be computed.
+    /// Whether its closed loops on a crane, linearised at positions over the stroke, are stable. None for baselines
+    /// other than a retuned benchmark, and if a loop cannot be computed.
     pub fn has_stable_loops(self, model: &Description, crane: &Description) -> Option<bool> {
         match self {
             Self::Strategy(strategy) => {
@@ -75,7 +75,7 @@ impl ControllerChoice {
         }
     }
 
-    /// Name in tables and JSON.
+    /// Name in tables and JSON, as `scheduled-lqr`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Strategy(strategy) => strategy.name(),

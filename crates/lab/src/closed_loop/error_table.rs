@@ -28,7 +28,7 @@ struct Outcome {
 /// Course, seed and number of a crane.
 type Place = (String, String, String);
 
-/// Results of one or more files.
+/// Errors and effort of controllers on the cranes of a family, from one or more files.
 #[derive(Clone, Debug, Default)]
 pub struct ErrorTable {
     /// Results by controller, in the order of reading.
@@ -62,7 +62,7 @@ struct Row {
 }
 
 impl ErrorTable {
-    /// Adds the rows of a file.
+    /// Adds the rows of a CSV file; `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -164,7 +164,8 @@ impl ErrorTable {
         rows
     }
 
-    /// Markdown table with a row per course and controller; columns without data are omitted.
+    /// Markdown table with a row per course and controller, relative to the benchmark; columns without data are
+    /// omitted.
     ///
     /// # Errors
     ///

@@ -28,65 +28,65 @@ use recorder::{ConsistencyRecorder, Run};
 use serde::Serialize;
 use std::ops::Range;
 
-/// Measured signals in the order of the filter.
+/// Measured signals of the estimator, in the order of its innovations.
 pub const MEASURED: [&str; 2] = ["position", "load pressure"];
 
-/// Innovations of one measured signal.
+/// Statistics of the innovations of one measured signal, along one course or all.
 #[derive(Clone, Debug, Serialize)]
 pub struct InnovationRow {
-    /// Name of the measured signal.
+    /// Name of the measured signal, of [`MEASURED`].
     pub measured: &'static str,
-    /// Course; none for all courses together.
+    /// Name of the course; none for all courses together.
     pub course: Option<String>,
-    /// Summary of its innovations.
+    /// Statistics of the normalised innovations.
     #[serde(flatten)]
     pub summary: InnovationSummary,
-    /// Lag of the largest autocorrelation.
+    /// Lag of the autocorrelation of largest magnitude \[ms\].
     pub largest_at_lag_ms: f64,
-    /// Whether the summary meets the requirements.
+    /// Whether the innovations agree with their covariance.
     pub is_consistent: bool,
 }
 
-/// Errors of one quantity.
+/// Statistics of the estimation errors of one quantity, along one course or all, in one phase or all.
 #[derive(Clone, Debug, Serialize)]
 pub struct ErrorRow {
     /// Estimated quantity.
     pub quantity: Quantity,
-    /// Unit of its errors.
+    /// Display unit of the errors.
     pub unit: &'static str,
-    /// Course; none for all courses together.
+    /// Name of the course; none for all courses together.
     pub course: Option<String>,
     /// Phase of the course; none for all phases except the 0.5 s after a load change.
     pub phase: Option<&'static str>,
-    /// Summary of its errors.
+    /// Statistics of the estimation errors.
     #[serde(flatten)]
     pub summary: ErrorSummary,
-    /// Whether the summary meets the requirements; none for too few instants.
+    /// Whether coverage and standard deviation agree with the errors; none for too few instants.
     pub is_consistent: Option<bool>,
 }
 
-/// Time of inconsistent innovations along a course.
+/// Longest time of inconsistent innovations along a course, to which the divergence test of the estimator is set.
 #[derive(Clone, Debug, Serialize)]
 pub struct InconsistentTime {
-    /// The course.
+    /// Name of the course.
     pub course: String,
-    /// Longest time over all cranes \[s\].
+    /// Longest time over all cranes in which the mean NIS exceeds its limit \[s\].
     pub longest_s: f64,
 }
 
-/// Result of the consistency study.
+/// Result of the consistency study of the state estimator over a family of cranes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Consistency {
-    /// Numbers of the cranes that completed all courses.
+    /// Numbers of those cranes in the family that completed all courses.
     pub cranes: Vec<u64>,
-    /// Courses that a crane could not complete; they do not count.
+    /// Cranes and courses that could not be completed, with the reason; they do not count.
     pub failed: Vec<String>,
-    /// Longest time by course for which the mean NIS exceeded `estimator.nis_inconsistent`.
+    /// Longest time for which the mean NIS exceeded `estimator.nis_inconsistent`, by course.
     /// `estimator.divergence_time_s` must be longer.
     pub inconsistent: Vec<InconsistentTime>,
-    /// Innovations: over all courses, then by course.
+    /// Statistics of the innovations: over all courses, then by course.
     pub innovations: Vec<InnovationRow>,
-    /// Errors: over all courses, by phase, and by course.
+    /// Statistics of the estimation errors: over all courses, by phase, and by course.
     pub errors: Vec<ErrorRow>,
 }
 

@@ -11,14 +11,14 @@ use hydroboom_design::{
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Stability margins of a loop on one crane of a family at one piston position.
+/// Stability margins of a control loop on one crane of a family at one piston position.
 #[derive(Clone, Debug, Serialize)]
 pub struct MemberMargins {
-    /// Number of the crane.
+    /// Number of the crane in the family.
     pub crane: u64,
-    /// Position of the piston.
+    /// Piston position \[mm\].
     pub stroke_mm: f64,
-    /// Stability margins there.
+    /// Gain, phase and modulus margin at this piston position.
     pub margins: Margins,
 }
 
@@ -35,25 +35,25 @@ impl MemberMargins {
 /// Distribution of a controller's stability margins over a family.
 #[derive(Clone, Debug, Serialize)]
 pub struct FamilyMargins {
-    /// Name of the controller.
+    /// Name of the controller and its state of identification.
     pub controller: &'static str,
-    /// Number of cranes and piston positions.
+    /// Number of loops: cranes times piston positions.
     pub count: usize,
-    /// Number of unstable loops.
+    /// Number of loops that are unstable.
     pub unstable: usize,
-    /// Modulus margin of the stable loops: 5th percentile.
+    /// 5th percentile of the modulus margin of the stable loops \[-\]: smallest distance of the Nyquist curve from −1.
     pub modulus_margin_p5: f64,
-    /// Median.
+    /// Median of the modulus margin of the stable loops \[-\].
     pub modulus_margin_median: f64,
-    /// Phase margin of the stable loops: 5th percentile.
+    /// 5th percentile of the phase margin of the stable loops \[deg\].
     pub phase_p5_deg: f64,
-    /// Median.
+    /// Median of the phase margin of the stable loops \[deg\].
     pub phase_median_deg: f64,
-    /// Gain margin of the stable loops that have one: 5th percentile.
+    /// 5th percentile of the gain margin, a factor \[-\], of the stable loops that have one.
     pub gain_p5: f64,
-    /// Median.
+    /// Median of the gain margin, a factor \[-\], of the stable loops that have one.
     pub gain_median: f64,
-    /// Crane and position nearest to instability, or furthest beyond.
+    /// Crane and position of smallest margin; if loops are unstable, the one furthest from stability.
     pub worst: MemberMargins,
 }
 

@@ -16,34 +16,34 @@ const WINDOW: f64 = 1.0;
 /// Time before a motion in which a controller with preview may already act \[s\].
 const AHEAD: f64 = 0.5;
 
-/// Definition of motor energy, for a table.
+/// Definition of motor energy, as a sentence below a table.
 pub const MOTOR_ENERGY: &str = "\
 Motor energy: the positive part of the motor's shaft power (torque times speed), integrated over the whole course, rests included; what flows back is not credited.";
 
-/// Effort and vibration of a course.
+/// Control effort of a course and the vibration of the boom's tip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Effort {
-    /// Largest motor speed.
+    /// Largest magnitude of the true motor speed \[rpm\].
     pub motor_speed_rpm: f64,
-    /// Motor energy: positive part of the motor's shaft power, torque times speed, integrated over the
-    /// whole course, rests included. Recovered energy is not credited.
+    /// Motor energy \[kJ\]: positive part of the motor's shaft power, torque times speed, integrated over the whole
+    /// course, rests included. Recovered energy is not credited.
     pub energy_kj: f64,
-    /// Largest deflection of the tip.
+    /// Largest distance of the tip from the straight continuation of the first segment \[mm\].
     pub tip_deflection_mm: f64,
-    /// RMS vibration of the tip while the reference is at rest, from the first motion on.
+    /// RMS vibration of the tip's deflection, without its slow part, while the reference is at rest \[mm\], from the
+    /// first motion on.
     pub residual_vibration_mm: f64,
-    /// Motor ripple at rest, an effect of noise and friction: standard deviation of the commanded motor
-    /// speed within windows of 1 s. Counted is the time in which the reference has rested for at least 1 s,
-    /// no load changed within 1 s, and no motion begins within 0.5 s. The last condition is for controllers
-    /// with preview.
+    /// Motor ripple at rest \[rpm\], an effect of noise and friction: standard deviation of the commanded motor speed
+    /// within windows of 1 s. Counted is the time in which the reference has rested for at least 1 s, no load changed
+    /// within 1 s, and no motion begins within 0.5 s. The last condition is for controllers with preview.
     ///
-    /// Windows follow each other from the first second of a rest on; before a load change and at the end of
-    /// the course the last one may be shorter. Each has its own mean, and their squares are pooled. NaN if
-    /// the course has no such rest.
+    /// Windows follow each other from the first second of a rest on; before a load change and at the end of the course
+    /// the last one may be shorter. Each has its own mean, and their squares are pooled. NaN if the course has no such
+    /// rest.
     pub motor_ripple_rpm: f64,
-    /// RMS rate of change of the motor speed over the whole course, rests included.
+    /// RMS rate of change of the true motor speed over the whole course, rests included \[rpm/s\].
     pub motor_slew_rpm_per_s: f64,
-    /// Number of control periods without a solution, in which an earlier command was repeated.
+    /// Number of control periods in which a predictive controller found no solution and repeated an earlier command.
     pub periods_without_solution: u64,
 }
 
@@ -56,7 +56,7 @@ impl Effort {
         }
     }
 
-    /// Values of an unfinished course: NaN.
+    /// Values of a course that was not completed: all NaN.
     pub const UNFINISHED: Self = Self {
         motor_speed_rpm: f64::NAN,
         energy_kj: f64::NAN,
@@ -68,24 +68,25 @@ impl Effort {
     };
 }
 
-/// Sustained oscillation of the piston about its reference at rest.
+/// Sustained oscillation of the piston about its resting reference, as found by the oscillation detector.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SustainedOscillation {
-    /// Amplitude: half the distance between two turning points.
+    /// Amplitude \[mm\]: half the distance between two turning points.
     pub amplitude_mm: f64,
-    /// Frequency.
+    /// Frequency \[Hz\].
     pub frequency_hz: f64,
     /// Whether the motor reached its largest speed or slew rate: then these limits determine the amplitude
     /// (limit cycle).
     pub motor_at_limit: bool,
 }
 
-/// Share of a limit from which it counts as reached.
+/// Share of a motor limit \[-\] from which the limit counts as reached.
 pub const REACHED: f64 = 0.999;
 
 impl SustainedOscillation {
-    /// Sustained oscillation of a control error \[m\] after a further period of `elapsed` \[s\], by the
-    /// oscillation detector of the position loop.
+    /// Sustained oscillation after a further period of `elapsed` \[s\] with the control error `error` \[m\]; none
+    /// while the oscillation detector has found none. `state` is the detector's, `rests` whether the reference is at
+    /// rest.
     pub fn after(
         state: &mut OscillationState<f64>,
         error: f64,
@@ -119,22 +120,22 @@ impl fmt::Display for SustainedOscillation {
 /// With ideal sensors and fieldbus both are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrackingError {
-    /// RMS true error.
+    /// RMS of the true error \[mm\].
     pub rms_true_mm: f64,
-    /// RMS measured error.
+    /// RMS of the measured error \[mm\].
     pub rms_measured_mm: f64,
-    /// True error of largest magnitude, with its sign.
+    /// True error of largest magnitude, with its sign \[mm\].
     pub peak_true_mm: f64,
-    /// Measured error of largest magnitude, with its sign.
+    /// Measured error of largest magnitude, with its sign \[mm\].
     pub peak_measured_mm: f64,
 }
 
 impl TrackingError {
-    /// Column heads of the four errors in the order of [`cells`](Self::cells).
+    /// Column headings of the four errors, in the order of [`cells`](Self::cells).
     pub const HEADS: [&'static str; 4] =
         ["RMS true [mm]", "RMS measured [mm]", "peak true [mm]", "peak measured [mm]"];
 
-    /// Values of an unfinished course: NaN.
+    /// Values of a course that was not completed: all NaN.
     pub const UNFINISHED: Self = Self {
         rms_true_mm: f64::NAN,
         rms_measured_mm: f64::NAN,
@@ -147,7 +148,7 @@ impl TrackingError {
         [self.rms_true_mm, self.rms_measured_mm, self.peak_true_mm, self.peak_measured_mm]
     }
 
-    /// Whether measured and true errors are equal.
+    /// Whether measured and true errors are equal, as with ideal sensors.
     pub fn is_measured_truly(&self) -> bool {
         self.rms_true_mm == self.rms_measured_mm && self.peak_true_mm == self.peak_measured_mm
     }
@@ -224,7 +225,7 @@ impl MotorRipple {
     }
 }
 
-/// Tracking errors and effort, accumulated along a course.
+/// Tracking errors, effort and oscillation of a course, accumulated over its control periods.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Metrics {
     square: f64,
@@ -257,12 +258,12 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// Empty metrics.
+    /// Metrics before the first control period.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds a control period.
+    /// Adds a control period. Its time must not be before that of the previous one.
     pub fn add(&mut self, sample: &Sample) {
         let error = sample.error();
         self.square += error * error;
@@ -329,7 +330,7 @@ impl Metrics {
         }
     }
 
-    /// Effort and vibration so far.
+    /// Effort and vibration of the control periods so far.
     pub fn effort(&self) -> Effort {
         let vibration = (self.vibration / self.resting.max(1) as f64).sqrt();
         Effort {
@@ -340,7 +341,7 @@ impl Metrics {
         }
     }
 
-    /// RMS and peak of the tracking error, true and measured.
+    /// RMS and peak of the tracking error so far, true and measured \[mm\].
     pub fn tracking_error(&self) -> TrackingError {
         TrackingError {
             rms_true_mm: self.true_rms() * 1e3,
@@ -370,8 +371,7 @@ impl Metrics {
         self.peak
     }
 
-    /// Whether the last half-cycles of a course that ends at rest did not decay: a sustained oscillation
-    /// may have begun.
+    /// Whether the last half-cycles of the error at rest did not decay: a sustained oscillation may have begun.
     pub fn may_oscillate(&self) -> bool {
         self.oscillation.half_cycles > 0.5
     }
@@ -381,8 +381,8 @@ impl Metrics {
         self.found.is_some()
     }
 
-    /// Largest sustained oscillation that the detector found while the reference rested, for a motor with
-    /// these limits.
+    /// Largest sustained oscillation that the detector found while the reference rested, for a motor with these limits
+    /// of speed \[rev/s\] and slew rate \[rev/s²\]; none without one.
     pub fn sustained_oscillation(
         &self,
         limits: &ActuatorLimits<f64>,

@@ -20,20 +20,20 @@ use crate::interruptible::as_long_as;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// Result of one crane under one controller along one course.
+/// Result of one controller on one crane along one course.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// Tracking error.
+    /// Tracking error; NaN if the course could not be finished.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// Effort and vibration.
+    /// Control effort and vibration of the tip.
     #[serde(flatten)]
     pub effort: Effort,
-    /// Whether it was in sustained oscillation, or could not be finished.
+    /// Whether the loop was in sustained oscillation, or the course could not be finished.
     pub unstable: bool,
 }
 
-/// Results of one crane by controller, then by course.
+/// Results of one crane: outer index by controller, inner index by course.
 pub type Outcomes = Vec<Vec<Outcome>>;
 
 /// Runs all controllers along all courses on cranes of a family, vectorised and on all cores. `go_on`

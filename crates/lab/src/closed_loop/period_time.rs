@@ -19,12 +19,12 @@ use std::time::Instant;
 /// machine.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct PeriodTime {
-    /// Controller.
+    /// Timed controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
-    /// Median over the periods of a course.
+    /// Median over the control periods of a course \[us\].
     pub median_us: f64,
-    /// 99.9th percentile.
+    /// 99.9th percentile over the control periods of a course \[us\].
     pub percentile_99_9_us: f64,
 }
 

@@ -15,10 +15,10 @@ use hydroboom_description::Description;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Largest payload of the trials, over the crane's payload.
+/// Largest payload of the trials, relative to the crane's payload \[-\].
 pub const HEAVIEST: f64 = 1.45;
 
-/// Crane with a course.
+/// Trial: a changed virtual crane and a course with load changes.
 pub struct Trial {
     /// Name of the trial.
     pub name: String,
@@ -26,28 +26,28 @@ pub struct Trial {
     course: Box<dyn Course>,
 }
 
-/// Result of a controller in a trial.
+/// Result of one controller in a trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
     /// Name of the trial.
     pub trial: String,
-    /// Controller.
+    /// Controller under test.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
-    /// Tracking error; NaN if it could not be finished.
+    /// Tracking error; NaN if the course could not be finished.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// Effort and vibration.
+    /// Control effort and vibration of the tip.
     #[serde(flatten)]
     pub effort: Effort,
-    /// Whether it was in sustained oscillation at rest, or could not be finished.
+    /// Whether the loop was in sustained oscillation at rest, or the course could not be finished.
     pub unstable: bool,
     /// Negation of `unstable`, under the name that the other commands use.
     pub stable: bool,
-    /// Whether the linearised closed loops of the controller on the crane are stable. None if unknown, as
-    /// for baselines other than a retuned benchmark.
+    /// Whether the linearised closed loops of the controller on the crane are stable. None if unknown, as for
+    /// baselines other than a retuned benchmark.
     pub has_stable_loops: Option<bool>,
-    /// Sustained oscillation, if any, of a finished run.
+    /// Sustained oscillation of the piston; none without one, and for a course that was not finished.
     pub sustained_oscillation: Option<SustainedOscillation>,
 }
 
@@ -223,12 +223,13 @@ impl Outcome {
         format!("{}{}", self.controller.name(), if self.is_marked() { UNSTABLE_MARK } else { "" })
     }
 
-    /// Whether the name is marked.
+    /// Whether a loop is unstable, or the run was in sustained oscillation or could not be finished: its errors are
+    /// then no tracking errors.
     pub fn is_marked(&self) -> bool {
         !self.stable || self.has_stable_loops == Some(false)
     }
 
-    /// Note on a run that did not come to rest; empty otherwise.
+    /// Sentence on a run that did not come to rest, with the oscillation; empty otherwise.
     pub fn verdict(&self) -> String {
         let stability = match (self.stable, self.sustained_oscillation) {
             (true, _) => String::new(),
@@ -242,7 +243,8 @@ impl Outcome {
     }
 }
 
-/// Runs trials under controllers that use the model only, on all cores; `progress` is called after each.
+/// Simulates each trial under each controller, on all cores. Controllers are designed for `model` and know nothing of
+/// the changed crane; `progress` is called after each simulation.
 pub fn run(
     model: &Description,
     trials: &[Trial],

@@ -5,22 +5,22 @@ use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_virtual_crane::Truth;
 
-/// One control period of a run.
+/// One control period of a closed-loop simulation: reference, measurement, true state and command.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
-    /// Time \[s\].
+    /// Time since the start of the course \[s\].
     pub time: f64,
-    /// Set point of the piston.
+    /// Reference position \[m\] and velocity \[m/s\] of the piston.
     pub reference: SetPoint<f64>,
-    /// Measured signals of the plant.
+    /// Measured signals of the crane, as the controller receives them.
     pub signals: AxisSignals<f64>,
-    /// Whether the payload changed at this time.
+    /// Whether the payload changed in this period.
     pub load_changed: bool,
-    /// True state of the plant.
+    /// True state of the crane, without sensor errors and delays.
     pub truth: Truth,
-    /// Command for the next period.
+    /// Command of the controller: motor speed \[rev/s\] and load-holding valve.
     pub command: AxisCommand<f64>,
-    /// Control periods so far without a solution, in which an earlier command was repeated.
+    /// Number of control periods so far in which no solution was found and an earlier command was repeated.
     pub periods_without_solution: u64,
 }
 

@@ -6,7 +6,7 @@ use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// Trajectory with a name and load changes.
+/// Reference trajectory of the piston with a name and load changes.
 pub trait Course: Trajectory {
     /// Name in tables and messages.
     fn name(&self) -> String;
@@ -21,7 +21,7 @@ pub trait Course: Trajectory {
     }
 }
 
-/// Name of the motion at a speed.
+/// Name of the out-and-back motion of a crane file at a speed \[mm/s\].
 pub fn motion_name(speed_mm_s: f64) -> String {
     format!("{speed_mm_s:.0} mm/s")
 }
@@ -32,16 +32,17 @@ impl Course for OutAndBack<f64> {
     }
 }
 
-/// Payload from a given time on.
+/// Load change: the payload from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
-    /// Time \[s\].
+    /// Time since the start of the course \[s\].
     pub time: f64,
     /// Mass of the payload \[kg\].
     pub mass: f64,
 }
 
-/// Payload that applies from a time \[s\], if it changes by then. `loads` keeps the later changes.
+/// Payload \[kg\] of the last change in `loads` up to a time \[s\]; none if there is no change by then. The changes up
+/// to that time are removed from `loads`.
 pub fn due(loads: &mut &[Load], time: f64) -> Option<f64> {
     let count = loads.iter().take_while(|load| load.time <= time).count();
     let (now, later) = loads.split_at(count);
@@ -59,7 +60,7 @@ struct Leg {
     way: PointToPoint<f64>,
 }
 
-/// Course with a name and a meaning.
+/// Test scenario: moves of the piston between positions, with rests and load changes.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     /// Name at the command line.
@@ -72,18 +73,18 @@ pub struct Scenario {
     duration: f64,
 }
 
-/// Summary of a scenario.
+/// Summary of a scenario, for a list.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outline {
     /// Name at the command line.
     pub name: &'static str,
     /// Description of the situation.
     pub meaning: &'static str,
-    /// Number of moves.
+    /// Number of moves from one position to another.
     pub moves: usize,
-    /// Duration.
+    /// Duration of the course \[s\], rests included.
     pub duration_s: f64,
-    /// Largest speed.
+    /// Largest reference speed of the piston \[mm/s\].
     pub speed_mm_s: f64,
 }
 
@@ -119,7 +120,7 @@ impl Scenario {
         self
     }
 
-    /// Summary of the scenario.
+    /// Summary of the scenario: number of moves, duration and largest speed.
     pub fn outline(&self) -> Outline {
         Outline {
             name: self.name,
@@ -162,7 +163,7 @@ impl Course for Scenario {
     }
 }
 
-/// Selection of a crane's course.
+/// Selected course: the motion of the crane file, or a test scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CourseChoice {
     /// Motion of the crane file at a speed \[m/s\].
@@ -172,11 +173,11 @@ pub enum CourseChoice {
 }
 
 impl CourseChoice {
-    /// Course for a crane.
+    /// Course for a crane, within its stroke, speeds and payload.
     ///
     /// # Errors
     ///
-    /// [`LabError::Scenario`] if there is none of that name.
+    /// [`LabError::Scenario`] if there is no scenario of that name.
     pub fn of(&self, crane: &Description) -> Result<Box<dyn Course>, LabError> {
         match self {
             Self::Motion(speed) => Ok(Box::new(crane.motion(*speed))),
@@ -193,7 +194,7 @@ impl CourseChoice {
     }
 }
 
-/// All scenarios of a crane, within its stroke, speeds and payload.
+/// All test scenarios, adapted to the stroke, the speeds and the payload of a crane.
 pub fn scenarios(crane: &Description) -> Vec<Scenario> {
     let n = &crane.numbers;
     let motion = crane.motion(n.fast);

@@ -14,12 +14,12 @@ use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::known_delay;
 use hydroboom_virtual_crane::{Fleet, VirtualCrane};
 
-/// Number of cranes that are simulated together.
+/// Number of cranes that are simulated together in vector instructions.
 pub const WIDTH: usize = 4;
 
 /// Controller with its preview of the reference, and the simulated crane if it uses one.
 pub(crate) struct Loop<C: ?Sized = dyn Controller> {
-    /// Controller.
+    /// Controller under test.
     pub controller: Box<C>,
     preview: Preview<f64>,
     simulated: Option<SimulatedCrane>,
@@ -28,11 +28,11 @@ pub(crate) struct Loop<C: ?Sized = dyn Controller> {
 /// Control period of a course.
 #[derive(Clone, Copy)]
 pub(crate) struct Now<'a> {
-    /// Course.
+    /// Course of the reference and the load.
     pub course: &'a dyn Course,
     /// Control period \[s\].
     pub period: f64,
-    /// Number of the period, from 0.
+    /// Number of the control period since the start of the course, from 0.
     pub number: u64,
 }
 
@@ -109,13 +109,13 @@ fn chosen(
     Loop::start(model, choice.controller(model)?, known_delay(model), course, measurement)
 }
 
-/// Simulates one controller on one crane along a course. `observe` receives each control period and may
-/// stop the run.
+/// Simulates one controller, designed for `model`, on a virtual crane along a course. `observe` receives each control
+/// period; an error of it stops the simulation.
 ///
 /// # Errors
 ///
-/// [`LabError`] if either crane cannot be built or its state leaves the model's range of validity, or an
-/// error of `observe`.
+/// [`LabError`] if either crane cannot be built or its state leaves the model's range of validity, or an error of
+/// `observe`.
 pub fn simulate_closed_loop(
     model: &Description,
     crane: &Description,
@@ -128,8 +128,8 @@ pub fn simulate_closed_loop(
     simulate_controller(model, crane, (choice.name(), controller), course, observe)
 }
 
-/// The same for any [`Controller`] with its name in messages. It is called once per control period of the
-/// model's crane file, and knows the fieldbus delay of that file.
+/// Simulates any [`Controller`], with its name for messages, on a virtual crane along a course. It is called once per
+/// control period of the model's crane file, and knows the fieldbus delay of that file.
 ///
 /// # Errors
 ///
@@ -177,18 +177,19 @@ pub fn simulate_controller(
     Ok(())
 }
 
-/// Crane, controller and course.
+/// One closed-loop simulation: virtual crane, controller and course.
 #[derive(Clone, Copy)]
 pub struct Case<'a> {
-    /// Crane.
+    /// Virtual crane that is controlled.
     pub crane: &'a Description,
-    /// Controller.
+    /// Controller under test.
     pub controller: ControllerChoice,
     /// Course. Cases that run together share the reference and have their own load changes.
     pub course: &'a (dyn Course + 'a),
 }
 
-/// Simulates any number of cases, [`WIDTH`] at a time, and returns how each ended.
+/// Simulates closed loops, [`WIDTH`] at a time. `observe` receives the index of the case and each of its control
+/// periods. Returns for each case success, or the error that ended it.
 pub fn simulate_cases(
     model: &Description,
     cases: &[Case<'_>],
@@ -214,8 +215,9 @@ pub fn simulate_cases(
     ends
 }
 
-/// Simulates [`WIDTH`] closed loops together. `observe` receives each control period of each. The results
-/// equal those of single runs; cases that cannot be vectorised are run singly. Returns how each ended.
+/// Simulates [`WIDTH`] closed loops together. `observe` receives the index of the case and each of its control
+/// periods. The results equal those of single runs; cases that cannot be vectorised are run singly. Returns for each
+/// case success, or the error that ended it.
 pub fn simulate_side_by_side(
     model: &Description,
     cases: &[Case<'_>; WIDTH],

@@ -66,7 +66,7 @@ pub fn sustained_oscillation(
     Ok(metrics.sustained_oscillation(&limits))
 }
 
-/// Whether there was a sustained oscillation, or the rest could not be simulated.
+/// Whether the loop was in sustained oscillation, or the rest after its course could not be simulated.
 pub fn has_sustained_oscillation(
     model: &Description,
     crane: &Description,

@@ -40,7 +40,7 @@ const DRAWS: usize = 200;
 /// Number of piston positions in the table of the published model.
 const TABLE: usize = 17;
 
-/// Method for the position of the tip.
+/// Method that computes the position of the boom's tip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// Rigid boom at the measured piston position.
@@ -56,7 +56,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// All methods.
+    /// All methods, in the order of tables.
     pub const ALL: [Self; 5] =
         [Self::Rigid, Self::Published, Self::Unsurveyed, Self::Map, Self::Surveyed];
 
@@ -102,71 +102,72 @@ impl Errors {
     }
 }
 
-/// Results of one method over the family.
+/// Errors of the tip's height with one method over the family.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodRow {
-    /// Name of the method.
+    /// Name of the method, as of [`Method::name`].
     pub method: &'static str,
-    /// Magnitude of the mean error.
+    /// Magnitude of the mean error of a crane \[mm\], over the family.
     pub bias_mm: Percentiles,
-    /// RMS error about the mean.
+    /// RMS error about the mean of a crane \[mm\], over the family.
     pub rms_about_mm: Percentiles,
-    /// RMS error.
+    /// RMS error of a crane \[mm\], over the family.
     pub rms_mm: Percentiles,
-    /// Mean stated standard deviation; none if the method states none.
+    /// Mean standard deviation that the method states \[mm\]; none if it states none.
     pub deviation_mm: Option<f64>,
-    /// Share of instants within two standard deviations over all cranes; none if the method states none.
+    /// Share of instants \[%\] with an error within two standard deviations, over all cranes; none if the method
+    /// states none.
     pub coverage_percent: Option<f64>,
 }
 
-/// Errors due to the survey's noise alone.
+/// Errors of the surveyed estimator that the noise of the survey alone causes.
 #[derive(Clone, Debug, Serialize)]
 pub struct NoiseFloor {
-    /// Magnitude of the mean error.
+    /// Magnitude of the mean error \[mm\].
     pub bias_mm: Percentiles,
-    /// RMS error about the mean.
+    /// RMS error about the mean \[mm\].
     pub rms_about_mm: Percentiles,
 }
 
-/// Instant of a course, for a figure.
+/// Heights of the tip at one instant of a course, for a figure.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct TipInstant {
-    /// Time of the measurement.
+    /// Time of the measurement \[s\].
     pub time_s: f64,
-    /// Height of the tip of a rigid boom at the true piston position.
+    /// Height of the tip of a rigid boom at the true piston position \[m\].
     pub rigid_y_m: f64,
-    /// True height.
+    /// True height of the tip \[m\].
     pub true_y_m: f64,
-    /// Estimated height by method in the order of [`Method::ALL`].
+    /// Height of the tip by each method, in the order of [`Method::ALL`] \[m\].
     pub estimated_y_m: [f64; Method::ALL.len()],
-    /// Its standard deviation; zero if the method states none.
+    /// Standard deviation that each method states \[m\]; zero if it states none.
     pub deviation_y_m: [f64; Method::ALL.len()],
 }
 
-/// Result of the accuracy study.
+/// Result of the study of the tip's accuracy over a family.
 #[derive(Clone, Debug, Serialize)]
 pub struct TipAccuracy {
-    /// Numbers of the cranes that completed the course.
+    /// Numbers of those cranes in the family that completed the course.
     pub cranes: Vec<u64>,
-    /// Cranes that could not complete it; they do not count.
+    /// Cranes that could not complete the course, with the reason; they do not count.
     pub failed: Vec<String>,
-    /// Results by method.
+    /// Errors by method, in the order of [`Method::ALL`].
     pub methods: Vec<MethodRow>,
-    /// Errors due to the survey's noise alone.
+    /// Errors that the noise of the survey alone causes.
     pub survey_noise: NoiseFloor,
     /// Number of the crane drawn in the figure: the one of median RMS error after a survey.
     pub drawn: u64,
-    /// Instants of its course.
+    /// Instants of the drawn crane's course.
     #[serde(skip)]
     pub course: Vec<TipInstant>,
 }
 
-/// Cranes and their survey.
+/// Family of cranes for the study of the tip's accuracy, and its survey.
 #[derive(Clone, Debug)]
 pub struct TipFamily {
-    /// Numbers of the cranes.
+    /// Numbers of the cranes in the family.
     pub cranes: Range<u64>,
-    /// Seed of the family.
+    /// Seed of the family's random parameters.
     pub seed: u64,
     /// Whether stiffness of beam and base, dead volumes, sensors and fieldbus vary too.
     pub is_widened: bool,

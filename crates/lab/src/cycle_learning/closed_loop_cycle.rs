@@ -18,11 +18,11 @@ pub(crate) struct Cycle {
     /// Model with the estimated payload and transition pressure (means over the second half), and the
     /// estimated drive lag at the end.
     pub estimated: Description,
-    /// Commands and measurements.
+    /// Commands and measurements of the cycle.
     pub record: Record,
-    /// Tracking errors.
+    /// Tracking errors of the cycle, true and measured.
     pub errors: Errors,
-    /// State of the machine at the end of the cycle.
+    /// The simulated machine at the end of the cycle.
     pub machine: VirtualCrane,
 }
 

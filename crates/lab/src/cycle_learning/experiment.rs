@@ -24,7 +24,7 @@ use hydroboom_virtual_crane::{VirtualCrane, surrogate};
 use serde::Serialize;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Cycles of learning after which errors are reported, besides the last one (`learning.cycles`).
+/// Numbers of learning cycles after which errors are reported, besides the last one (`learning.cycles`).
 pub const SHOWN_CYCLES: [usize; 3] = [1, 3, 10];
 
 /// Method that computes the motor speed of a cycle.
@@ -60,19 +60,19 @@ impl Method {
     }
 }
 
-/// Tracking error of a cycle with one method.
+/// RMS tracking error of a cycle under one method.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodError {
-    /// Method.
+    /// Method that computed the motor speed of the cycle.
     pub method: Method,
-    /// Number of learning cycles; none for other methods.
+    /// Number of learning cycles before this one; none for methods without learning.
     pub cycles: Option<usize>,
-    /// Whether the cycle starts from the same rest as the first one. Otherwise it starts from the state of
-    /// the oil that the previous cycle left.
+    /// Whether the cycle starts from the same rest as the first one. Otherwise it starts from the state of the oil
+    /// that the previous cycle left.
     pub reset: bool,
-    /// RMS true tracking error; none if the cycle could not be run.
+    /// RMS true tracking error \[mm\]; none if the cycle could not be run.
     pub rms_true_mm: Option<f64>,
-    /// RMS measured tracking error.
+    /// RMS measured tracking error \[mm\]; none if the cycle could not be run.
     pub rms_measured_mm: Option<f64>,
 }
 
@@ -83,39 +83,39 @@ pub struct CycleReport {
     pub crane: String,
     /// Name of the course.
     pub course: String,
-    /// Whether all methods were run.
+    /// Whether all methods were run; false for an experiment that was stopped.
     pub whole: bool,
     /// Whether the closed loop came to rest where its reference rested. False for a sustained oscillation,
     /// and if the cycle could not be run; none if it was not judged.
     pub stable: Option<bool>,
     /// Whether the linearised loop on the machine is stable over the stroke; none if it cannot be computed.
     pub has_stable_loops: Option<bool>,
-    /// Sustained oscillation, if any.
+    /// Sustained oscillation of the piston in the closed-loop cycle; none without one.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// Tracking errors.
+    /// RMS tracking errors of each method.
     pub methods: Vec<MethodError>,
-    /// Convergence of learning.
+    /// Contraction of iterative learning control per cycle; none if it was not computed.
     pub convergence: Option<Convergence>,
-    /// Identified parameters as overrides of the model's crane file.
+    /// Identified parameters, each as an override `section.key=value` of the model's crane file.
     pub identified: Vec<String>,
     /// Identified payload; none if it was not identified.
     pub payload: Option<IdentifiedPayload>,
     /// Whether the identified parameters may be used as overrides for other commands.
     pub usable: bool,
-    /// Reason why not; none if they may.
+    /// Reason why the identified parameters may not be used as overrides; none if they may.
     pub unusable_because: Option<String>,
-    /// Proposed commands, one per control period, by feedforward from a log's model. None if the machine
-    /// does not come from a log, if learning would not converge or diverged, or if the nominal model's
-    /// feedforward has the smaller error.
+    /// Proposed commands, one per control period, by feedforward from a log's model. None if the machine does not come
+    /// from a log, if learning would not converge or diverged, or if the nominal model's feedforward has the smaller
+    /// error.
     #[serde(skip)]
     pub proposal: Option<Vec<AxisCommand<f64>>>,
-    /// Remarks on the results.
+    /// Remarks on the results, a sentence each.
     pub remarks: Vec<String>,
 }
 
-/// Runs one cycle of each course on each crane, then all methods, on all cores. `go_on` receives the share
-/// done and returns whether to continue. Otherwise the results so far are returned, and an incomplete
-/// report is marked.
+/// Learning experiment on each crane along each course: a closed-loop cycle, identification from it, and the tracking
+/// errors of all methods. It runs on all cores. `go_on` receives the share done and returns whether to continue.
+/// Otherwise the results so far are returned, and an incomplete report is marked.
 ///
 /// # Errors
 ///
@@ -134,13 +134,13 @@ pub fn learning_experiment(
 /// Machine of an experiment.
 #[derive(Clone, Copy)]
 pub(crate) struct Subject<'a> {
-    /// Name.
+    /// Name of the machine.
     pub name: &'a str,
-    /// Virtual crane.
+    /// Virtual crane that represents the machine.
     pub crane: &'a Description,
-    /// Model identified from a log; if none, it is identified from the closed-loop cycle.
+    /// Model identified from a log; if none, the model is identified from the closed-loop cycle.
     pub identified: Option<&'a Description>,
-    /// Payload of that model.
+    /// Payload of the model identified from a log; none if it was not identified.
     pub payload: Option<IdentifiedPayload>,
 }
 

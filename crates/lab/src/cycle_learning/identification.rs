@@ -49,15 +49,15 @@ const NAMED: usize = 3;
 
 /// Result of an identification.
 pub(crate) struct Identification {
-    /// Model with friction that holds at rest, the identified drive, and the initial pressures of the log.
+    /// Identified model: with friction that holds at rest, the identified drive, and the initial pressures of the log.
     pub model: Description,
-    /// Range of validity of the model, judged by the log itself.
+    /// Validity of the model: position, pressures, frequency and damping of the log against their limits.
     pub judged: Vec<Judgement>,
     /// Reason why the log hardly belongs to the crane of the file; none if the keys agree with the prior.
     pub improbable: Option<String>,
-    /// Its payload; none if it was not free, as of a model without a payload.
+    /// Identified payload; none if it was not free, as of a model without a payload.
     pub payload: Option<IdentifiedPayload>,
-    /// Remarks on the log.
+    /// Remarks on the log, a sentence each.
     pub remarks: Vec<String>,
 }
 

@@ -7,17 +7,18 @@ use serde::Serialize;
 /// Key of the payload.
 const PAYLOAD: &str = "payload.mass_kg";
 
-/// Identified payload.
+/// Payload found by identification.
 ///
 /// Pressures show a load's moment about the boom's bearing, and hardly its lever. The mass is that of a load with this
 /// moment at the model's lever: a load at another lever has another mass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IdentifiedPayload {
-    /// Mass.
+    /// Mass of the payload \[kg\] at the lever of the model.
     pub mass_kg: f64,
-    /// The model's lever: distance of the load's centre of mass from the bearing, along the boom (`payload.x_mm`).
+    /// Lever of the model \[mm\]: distance of the load's centre of mass from the bearing, along the boom
+    /// (`payload.x_mm`).
     pub lever_mm: f64,
-    /// 95 % interval of the mass; none if it is not finite.
+    /// 95 % interval of the mass \[kg\]; none if it is not finite.
     pub interval_95_kg: Option<[f64; 2]>,
 }
 

@@ -46,19 +46,20 @@ fn decimation(period: f64) -> usize {
     (SAMPLING / period).round().max(1.0) as usize
 }
 
-/// Contraction of the correction per cycle, `‖T‖_N`, on machines that differ from the model.
+/// Contraction of iterative learning control: the norm `‖T‖_N` of the correction's change per cycle \[-\], below 1 for
+/// convergence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Convergence {
-    /// On the identified model itself.
+    /// Norm on the identified model itself \[-\].
     pub model: f64,
-    /// Largest value over the corners of the ranges of payload and oil.
+    /// Largest norm over the corners of the ranges of payload and oil \[-\].
     pub worst: f64,
-    /// Parameters of that corner, as overrides.
+    /// Parameters of the corner with the largest norm, as overrides.
     pub worst_case: String,
 }
 
 impl Convergence {
-    /// Whether each cycle from the same state is a contraction on all of those machines.
+    /// Whether cycles from the same initial state converge on all these machines: the largest norm is below 1.
     pub fn is_contraction(&self) -> bool {
         self.worst < 1.0
     }

@@ -21,20 +21,20 @@ use hydroboom_identify::{Aspect, Judgement, Window};
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use hydroboom_virtual_crane::surrogate;
 
-/// Machine identified from a log.
+/// Machine identified from a log, with the validity of its model.
 #[derive(Clone, Debug)]
 pub struct LoggedMachine {
-    /// The identified model.
+    /// Identified model.
     pub model: Description,
-    /// Identified parameters as overrides of the crane file; empty if the log is refused.
+    /// Identified parameters, each as an override `section.key=value` of the crane file; empty if the log is refused.
     pub identified: Vec<String>,
     /// Identified payload; none if the log is refused.
     pub payload: Option<IdentifiedPayload>,
-    /// Range of validity of the identified model.
+    /// Judgement of the model by the log: position, pressures, frequency and damping against their limits.
     pub judged: Vec<Judgement>,
-    /// Reasons why no correction is proposed for this machine; empty if one may be.
+    /// Reasons why no correction is proposed for this machine; empty if one may be proposed.
     pub refusals: Vec<String>,
-    /// Remarks on the log.
+    /// Remarks on the log, a sentence each.
     pub remarks: Vec<String>,
 }
 
@@ -48,13 +48,13 @@ const PAYLOAD: &str = "payload.mass_kg=";
 /// Share of the whole computing time that the identification takes.
 const IDENTIFICATION: f64 = 0.2;
 
-/// Identifies the machine of a log. `go_on` receives the share done of the whole computation and returns
-/// whether to continue.
+/// Identifies the machine of a log. `go_on` receives the share done of the whole computation and returns whether to
+/// continue.
 ///
 /// # Errors
 ///
 /// [`LabError`] if the log lacks a required signal, the window is outside it, or the model cannot be run;
-/// [`LabError::Stopped`].
+/// [`LabError::Stopped`] if `go_on` returned false.
 pub fn identify_log(
     model: &Description,
     log: (&Measurement, &Signals),
@@ -164,8 +164,8 @@ fn travel(stroke: &Track, window: Window) -> [f64; 2] {
     travel
 }
 
-/// Feedforward and learning for a machine identified from a log: reports of cycles on its virtual crane,
-/// each with the proposed commands.
+/// Feedforward and iterative learning control for a machine identified from a log: reports of cycles on its virtual
+/// crane, each with the proposed commands.
 ///
 /// # Errors
 ///

@@ -9,9 +9,9 @@ use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 pub(crate) struct Record {
     /// Control period \[s\].
     pub period: f64,
-    /// Commands.
+    /// Commands, each held for a control period.
     pub commands: Vec<AxisCommand<f64>>,
-    /// Measurements, one per command.
+    /// Measured signals at the beginning of each control period, one for each command.
     pub readings: Vec<AxisSignals<f64>>,
 }
 

@@ -11,7 +11,9 @@ use hydroboom_virtual_crane::VirtualCrane;
 /// Tracking errors of a cycle \[m\].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Errors {
+    /// True tracking errors x − x_ref \[m\], one a control period.
     pub true_error: Vec<f64>,
+    /// Measured tracking errors x − x_ref \[m\], one a control period.
     pub measured: Vec<f64>,
 }
 

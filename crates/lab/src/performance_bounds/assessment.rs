@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Limit of performance.
+/// Limit of control performance, of the motor or of the information.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Limit {
@@ -33,7 +33,7 @@ pub enum Limit {
 }
 
 impl Limit {
-    /// All limits.
+    /// All limits, in the order of tables.
     pub const ALL: [Self; 5] =
         [Self::MotorSpeed, Self::Slew, Self::Delay, Self::SensorNoise, Self::UnknownPayload];
 
@@ -54,52 +54,54 @@ impl Limit {
     }
 }
 
-/// Cost of a limit.
+/// Tracking error that one limit costs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LimitCost {
-    /// Limit.
+    /// Limit of performance.
     pub limit: Limit,
-    /// Smallest RMS true error with this limit alone.
+    /// Lower bound of the RMS true error with this limit alone \[mm\].
     pub alone_mm: f64,
-    /// Smallest RMS true error with all limits except this one.
+    /// Lower bound of the RMS true error with all limits except this one \[mm\].
     pub all_others_mm: f64,
 }
 
-/// Lower bounds of the tracking error of a crane along a course: RMS true error over the whole course,
-/// rests included.
+/// Lower bounds of the tracking error of a crane along a course for any controller: RMS true error over the whole
+/// course, rests included.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PerformanceBounds {
     /// Name of the course.
     pub course: String,
-    /// Without any limit.
+    /// Bound without any limit \[mm\].
     pub none_mm: f64,
-    /// Cost of each limit.
+    /// Cost of each limit, in the order of [`Limit::ALL`].
     pub limits: Vec<LimitCost>,
-    /// With both limits of the motor, complete knowledge and no delay.
+    /// Bound with both limits of the motor, complete knowledge and no delay \[mm\].
     pub motor_mm: f64,
-    /// With delay, sensor noise and unknown payload, and a motor without limits.
+    /// Bound with delay, sensor noise and unknown payload, and a motor without limits \[mm\].
     pub information_mm: f64,
-    /// With all limits.
+    /// Bound with all limits \[mm\].
     pub all_mm: f64,
-    /// With all limits and without preview of reference and load changes. The crane starts on the reference
-    /// and learns of each change when it occurs. Commands are delayed by fieldbus and drive. No smaller
-    /// than the bound with preview.
+    /// Bound with all limits and without preview of reference and load changes \[mm\]. The crane starts on the
+    /// reference and learns of each change when it occurs. Commands are delayed by fieldbus and drive. It is no
+    /// smaller than the bound with preview.
     pub not_known_ahead_mm: f64,
-    /// Load changes along the course. `not_known_ahead_mm` linearises each about its new load, which holds for
-    /// small ones.
+    /// Number of load changes along the course. `not_known_ahead_mm` linearises each about its new load, which is
+    /// valid for small ones.
     pub load_changes: usize,
-    /// Largest possible gap below `motor_mm`, as a share of it: another motion of the linearised model
-    /// might be better by that much. Zero if `motor_mm` is below 1e-6 mm.
+    /// Largest possible gap below `motor_mm` \[%\] of it: another motion of the linearised model might be better by
+    /// this share. Zero if `motor_mm` is below 1e-6 mm.
     pub motor_gap_percent: f64,
-    /// Estimate, not a bound: feedforward alone, with the payload estimated during the course.
+    /// RMS true error of feedforward alone, with the payload estimated during the course \[mm\]: an estimate, no
+    /// bound.
     pub feedforward_mm: f64,
-    /// Standard deviation of the payload before the course, at the start of the first ramp, and at the end.
+    /// Standard deviation of the estimated payload \[kg\] before the course, at the start of the first ramp, and at
+    /// the end.
     pub payload_deviation_kg: [f64; 3],
-    /// Numbers that the bounds depend on.
+    /// Quantities on which the bounds depend, with their values and sources.
     pub conditions: Vec<Condition>,
 }
 
-/// Number of parts of the computation: the model, four motions, prediction errors.
+/// Number of parts of the computation, for progress: the model, four motions, prediction errors.
 pub const BOUND_PARTS: usize = 6;
 
 /// Error that counts as zero \[mm\]; the searches for motions end at a tenth of it.
@@ -108,13 +110,12 @@ const NONE: f64 = 1e-6;
 /// Longest course \[s\]: its covariances and derivatives take about 0.5 GB.
 pub const LONGEST_COURSE: f64 = 300.0;
 
-/// Bounds of a crane along a course with an unknown payload between two limits \[kg\]. `go_on` receives the
-/// number of completed parts out of [`BOUND_PARTS`]; none if it returned false.
+/// Lower bounds of the tracking error of a crane along a course, with an unknown payload between two limits \[kg\].
+/// `go_on` receives the number of completed parts out of [`BOUND_PARTS`]; none if it returned false.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the course is longer than 300 s, the crane has no reduced model, or a search does not
-/// converge.
+/// [`LabError`] if the course is longer than 300 s, the crane has no reduced model, or a search does not converge.
 pub fn performance_bounds(
     crane: &Description,
     course: &dyn Course,

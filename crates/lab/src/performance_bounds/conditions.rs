@@ -7,14 +7,14 @@ use super::unknown_payload::deviation;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// Number that the bounds depend on.
+/// Quantity on which the performance bounds depend, with value, unit and source.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Condition {
     /// Name of the quantity.
     pub name: &'static str,
-    /// Its value.
+    /// Value of the quantity, in the unit of the field `unit`.
     pub value: f64,
-    /// Unit of the value.
+    /// Unit of the value, as text.
     pub unit: &'static str,
     /// Keys of the crane file that determine it, with their provenance.
     pub source: String,

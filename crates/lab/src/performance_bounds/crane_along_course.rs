@@ -21,8 +21,9 @@ const CHANGE: f64 = 0.1;
 
 /// Crane with the set point of its piston at the end of each control period.
 pub(super) struct CraneAlongCourse {
+    /// Reduced model of the crane file.
     pub model: ReducedModel<f64>,
-    /// Payload when the course begins \[kg\]; later values are in the states.
+    /// Payload at the start of the course \[kg\]; later values are in the states.
     pub payload: f64,
     /// Transition pressure of the oil \[Pa\].
     pub transition_pressure: f64,
@@ -30,7 +31,7 @@ pub(super) struct CraneAlongCourse {
     pub rod_side_term: f64,
     /// Control period \[s\].
     pub period: f64,
-    /// Set points at the times 0, T, 2 T ...
+    /// Reference of the piston at the times 0, T, 2 T ..., with the control period T.
     pub reference: Vec<SetPoint<f64>>,
     /// States on the reference at these times, with the friction due to the motion before and the payload
     /// from then on.
@@ -40,11 +41,11 @@ pub(super) struct CraneAlongCourse {
 }
 
 impl CraneAlongCourse {
-    /// Builds it for a description.
+    /// Crane of a description along a course.
     ///
     /// # Errors
     ///
-    /// [`LabError`] if there is no reduced model.
+    /// [`LabError`] if the description gives no reduced model.
     pub fn new(crane: &Description, course: &dyn Course) -> Result<Self, LabError> {
         let period = crane.numbers.control_period;
         let periods = (course.duration() / period).round() as usize;
@@ -74,7 +75,7 @@ impl CraneAlongCourse {
         Ok(along)
     }
 
-    /// Number of control periods.
+    /// Number of control periods of the course.
     pub fn periods(&self) -> usize {
         self.reference.len() - 1
     }
@@ -117,7 +118,7 @@ impl CraneAlongCourse {
         state
     }
 
-    /// Times at which the reference's acceleration or the load changes.
+    /// Indices of the control periods at which the reference's acceleration or the load changes, in increasing order.
     pub fn changes(&self) -> Vec<usize> {
         let accelerations = (0..self.periods()).map(|k| self.acceleration(k).abs());
         let least = CHANGE * accelerations.fold(0.0, f64::max);
@@ -126,8 +127,8 @@ impl CraneAlongCourse {
         (1..self.periods()).filter(|&k| turns(k) || loads(k)).collect()
     }
 
-    /// State and motor speed \[rev/s\] of a crane exactly on the reference at time k that does not know of
-    /// a change then. They have the acceleration and payload of the previous period.
+    /// State and motor speed \[rev/s\] of a crane exactly on the reference at time index k that does not know of a
+    /// change then. They have the acceleration and payload of the previous period.
     pub fn before_change(&self, k: usize) -> (MachineState<f64>, f64) {
         let before = &self.states[k - 1];
         let (acceleration, friction) = (self.acceleration(k - 1), self.states[k].friction);

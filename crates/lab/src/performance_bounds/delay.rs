@@ -24,7 +24,7 @@ pub(super) struct Delay {
 }
 
 impl Delay {
-    /// Delay of a crane; components that its file does not have are zero.
+    /// Delays of a crane file; those of equipment that the file does not have are zero.
     pub fn of(crane: &Description) -> Self {
         let n = &crane.numbers;
         let bandwidth = n.sensor_bandwidth;
@@ -36,15 +36,15 @@ impl Delay {
         }
     }
 
-    /// Total delay in control periods.
+    /// Total delay \[control periods\], not rounded.
     pub fn periods(&self) -> f64 {
         2.0 * f64::from(self.fieldbus_cycles)
             + 1.0
             + (self.sensor_lag + self.dead_time) / self.period
     }
 
-    /// Whole periods from new information to the motor: the fieldbus to the drive and the drive's dead
-    /// time.
+    /// Delay from new information to the motor \[whole control periods\]: the fieldbus to the drive and the drive's
+    /// dead time.
     pub fn command_periods(&self) -> usize {
         // a quotient of decimal fractions may lie just below a whole number
         self.fieldbus_cycles as usize + (self.dead_time / self.period + 1e-9) as usize

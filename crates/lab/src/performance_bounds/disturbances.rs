@@ -16,16 +16,17 @@ use hydroboom_math::Dual;
 /// Random walks: standard deviation of the change in one second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Disturbances {
-    /// Unknown force over the piston's area \[Pa/√s\]; it decays with `estimator.disturbance_time_s`.
+    /// Rate of the random walk of the unknown force, over the piston's area \[Pa/√s\]; the force decays with
+    /// `estimator.disturbance_time_s`.
     pub force: f64,
-    /// Friction over the piston's area \[Pa/√s\].
+    /// Rate of the random walk of the friction, over the piston's area \[Pa/√s\].
     pub friction: f64,
-    /// Unknown flow as a motor speed \[rev/s/√s\].
+    /// Rate of the random walk of the unknown flow, as a motor speed \[rev/s/√s\].
     pub flow: f64,
 }
 
 impl Disturbances {
-    /// Disturbances of the crane file.
+    /// Disturbances as stated in the section `[estimator]` of the crane file.
     pub fn of(crane: &Description) -> Self {
         let tuning = &crane.numbers.tuning;
         Self {

@@ -33,16 +33,16 @@ type Slopes = Dual<f64, STATES>;
 /// Active limits of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MotorLimits {
-    /// Largest speed \[rev/s\]; infinite for none.
+    /// Largest motor speed \[rev/s\]; infinite for none.
     pub speed: f64,
-    /// Largest slew \[rev/s²\]; infinite for none.
+    /// Largest slew rate \[rev/s²\]; infinite for none.
     pub slew: f64,
 }
 
 /// Error of the optimal motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LeastError {
-    /// RMS error of the motion found \[mm\].
+    /// RMS tracking error of the optimised motion \[mm\].
     pub rms_mm: f64,
     /// Lower bound of the RMS error for the linearised crane \[mm\]: duality gap and cost of speed changes
     /// are subtracted.

@@ -28,13 +28,15 @@ use nalgebra::{SMatrix, SVector};
 
 /// Period of the plant, linearised along a motion.
 pub(super) struct LinearPeriod<const N: usize> {
-    /// A, b and c.
+    /// State transition matrix A, N × N.
     pub by_state: SMatrix<f64, N, N>,
+    /// Input vector b: effect of the change of the motor speed in the period.
     pub by_change: SVector<f64, N>,
+    /// Affine term c of the linearised motion \[state unit\].
     pub defect: SVector<f64, N>,
-    /// Tracking error of the motion at the end of the period \[mm\], and its gradient h with respect to the
-    /// state.
+    /// Tracking error e of the motion at the end of the period \[mm\].
     pub error: f64,
+    /// Gradient h of the tracking error with respect to the state \[mm per state unit\].
     pub error_by_state: SVector<f64, N>,
     /// Limited quantities of the motion: change of the motor speed, and speed at the end of the period
     /// \[rev/s\].

@@ -22,29 +22,29 @@ use hydroboom_control::estimation::error_covariance::{Covariance, corrected, out
 
 /// Linear system along a course with N states.
 pub(super) struct LinearCourse<const N: usize> {
-    /// State transition matrix F of each period.
+    /// State transition matrix F of each period, N × N.
     pub transitions: Vec<[[f64; N]; N]>,
-    /// Output rows of the measured signals at each time, one more than there are periods. The first signal
-    /// is the tracked one.
+    /// Output rows of the measured signals at each time, one time more than there are periods. The first signal is the
+    /// tracked one.
     pub outputs: Vec<[[f64; N]; 2]>,
-    /// Process noise: variance that each state gains in a period.
+    /// Process noise: variance that each state gains in a period \[squared state unit\].
     pub process: [f64; N],
 }
 
 /// Available information and its delay.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Information<const N: usize> {
-    /// Covariance before the first measurement.
+    /// Error covariance of the state before the first measurement, N × N.
     pub initial: Covariance<f64, N>,
-    /// Variances of the measurement noise.
+    /// Variances of the measurement noise \[squared unit of the signal\].
     pub noise: [f64; 2],
-    /// Periods from a measurement to the effect of the command based on it.
+    /// Delay h from a measurement to the effect of the command that depends on it \[control periods\].
     pub horizon: f64,
 }
 
 /// Prediction error at each time.
 pub(super) struct PredictionError<const N: usize> {
-    /// Covariance of the state given the usable measurements.
+    /// Error covariance of the state at each time, given the measurements usable by then.
     pub covariances: Vec<Covariance<f64, N>>,
     /// RMS of the tracked output's error over the course, in its unit.
     pub rms: f64,
@@ -99,7 +99,7 @@ impl<const N: usize> LinearCourse<N> {
         p
     }
 
-    /// Covariances of the state given the usable measurements, and the RMS error of the tracked output.
+    /// Error covariances of the state given the usable measurements, and the RMS error of the tracked output.
     pub fn prediction_error(&self, known: &Information<N>) -> PredictionError<N> {
         let times = self.outputs.len();
         let (whole, share) = (known.horizon.floor() as usize, known.horizon.fract());

@@ -5,9 +5,9 @@ use hydroboom_description::Description;
 /// Standard deviations of the measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SensorNoise {
-    /// Piston position \[m\].
+    /// Standard deviation of the piston position \[m\].
     pub position: f64,
-    /// Load pressure, p_A − (A_r/A_p) p_B \[Pa\].
+    /// Standard deviation of the load pressure p_A − (A_r/A_p) p_B \[Pa\].
     pub load_pressure: f64,
 }
 
@@ -15,7 +15,7 @@ pub(super) struct SensorNoise {
 pub(super) const EXACT: SensorNoise = SensorNoise { position: 1e-12, load_pressure: 1e-3 };
 
 impl SensorNoise {
-    /// Sensor noise of a crane. The resolution counts as uniform noise within one step.
+    /// Sensor noise of a crane file. The resolution counts as uniform noise within one step.
     pub fn of(crane: &Description) -> Self {
         let n = &crane.numbers;
         let uniform = |step: f64| step / 12_f64.sqrt();
@@ -32,7 +32,7 @@ impl SensorNoise {
         }
     }
 
-    /// Variances \[m², Pa²\].
+    /// Variances of piston position \[m²\] and load pressure \[Pa²\].
     pub fn variances(&self) -> [f64; 2] {
         [self.position, self.load_pressure].map(|deviation| deviation * deviation)
     }

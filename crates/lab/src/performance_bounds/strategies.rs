@@ -8,17 +8,17 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// Error of a strategy compared with the bound.
+/// RMS true error of a strategy, compared with the lower bound.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StrategyError {
-    /// Strategy.
+    /// Control strategy.
     #[serde(serialize_with = "by_name")]
     pub strategy: Strategy,
-    /// RMS true error; none if the loop oscillates or the run stopped.
+    /// RMS true error \[mm\]; none if the loop oscillates or the simulation stopped.
     pub rms_true_mm: Option<f64>,
-    /// Ratio of the error to the bound with all limits.
+    /// Ratio of the error to the bound with all limits \[-\]; none without an error.
     pub over_bound: Option<f64>,
-    /// Remark if there is no error.
+    /// Reason why there is no error; none if there is one.
     pub remark: Option<String>,
 }
 

@@ -7,25 +7,25 @@ use crate::LabError;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// One bar.
+/// Bar of a chart, from a start to an end value in the unit of the axis.
 pub struct Bar<'a> {
-    /// Name.
+    /// Name at the left of the bar.
     pub name: &'a str,
-    /// Start value.
+    /// Start value, in the unit of the axis.
     pub from: f64,
-    /// End value, marked by a dot if the bar does not start at zero.
+    /// End value, in the unit of the axis; marked by a dot if the bar does not start at zero.
     pub to: f64,
-    /// Index of its colour in the palette.
+    /// Index of the bar's colour in the palette.
     pub colour: usize,
-    /// Interval around its end.
+    /// Lower and upper limit of an interval about the end value; none for no interval.
     pub bounds: Option<(f64, f64)>,
 }
 
-/// Bars from top to bottom.
+/// Bar chart with horizontal bars from top to bottom.
 pub struct Bars<'a> {
     /// Label of the axis, with its unit.
     pub x: &'a str,
-    /// The bars.
+    /// Bars in their order.
     pub bars: Vec<Bar<'a>>,
 }
 
@@ -36,7 +36,7 @@ const ROW: u32 = 26;
 const BELOW: u32 = 52;
 
 impl Bars<'_> {
-    /// Draws the figure.
+    /// Draws the chart as SVG, with its data.
     ///
     /// # Errors
     ///

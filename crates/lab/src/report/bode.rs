@@ -1,4 +1,4 @@
-//! Frequency responses of the linearised crane.
+//! Bode diagrams of the linearised crane.
 
 use super::document::{Page, document};
 use super::drawing_data::figure;
@@ -13,9 +13,10 @@ const LOW: f64 = 0.05;
 const HIGH: f64 = 200.0;
 const POINTS: i32 = 600;
 
-/// Page with the responses of selected outputs to the motor speed, and the poles.
+/// Page with the frequency responses of selected outputs to the motor speed, and the poles.
 ///
-/// `outputs` selects rows of `c` with the factor from SI units per rev/s to the displayed unit per rpm.
+/// The system is x' = A x + B u, y = C x in SI units. `outputs` has for each response its name, its row of C, and the
+/// factor from SI units per rev/s to the displayed unit per rpm.
 ///
 /// # Errors
 ///

@@ -46,7 +46,7 @@ const BELOW: f64 = 48.0;
 const LEAST_DECADES: f64 = 2.0;
 const NOTHING: f64 = 1e-6;
 
-/// Page of a machine's bounds and of the strategies on it.
+/// Page with the performance bounds of a machine and the errors of the strategies on it.
 ///
 /// # Errors
 ///

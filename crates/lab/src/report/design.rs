@@ -29,7 +29,7 @@ fn load_mode(mode: Option<&Mode>) -> String {
     )
 }
 
-/// Page with the Bode diagrams of the loop at mid-stroke and all margins.
+/// Page with the Bode diagrams of the control loops at mid-stroke and all stability margins.
 ///
 /// # Errors
 ///

@@ -29,24 +29,24 @@ td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-s
 .pair{display:flex;flex-wrap:wrap;gap:0 1rem}.pair figure{flex:1 1 20rem;max-width:30rem}
 details{margin:.6em 0}summary{cursor:pointer}";
 
-/// Page, which is written as a file with the record of its origin.
+/// HTML page of a report with its figures; it is written as a file with a record of its origin.
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
     /// Body without the data of the figures.
     body: String,
-    /// Figures in their order.
+    /// Figures in their order on the page, as separate files.
     pub figures: Vec<FigureFile>,
 }
 
-/// Complete page.
+/// HTML page of a title and a body, with style sheet for light and dark display.
 pub fn document(title: &str, body: &Markup) -> Page {
     let (body, figures) = apart(&body.0);
     Page { title: title.into(), body, figures }
 }
 
 impl Page {
-    /// Page as an HTML file, with a block that records its origin.
+    /// Page as the text of an HTML file, with a block that records its origin.
     pub fn html(&self, origin: &Origin) -> String {
         let page = html! {
             (DOCTYPE)

@@ -8,7 +8,7 @@ use hydroboom_model::Scheme;
 /// Scale \[pixels/m\].
 const SCALE: f64 = 150.0;
 
-/// The crane as an SVG element: boom and cylinder at the first and last position of the motion, with
+/// Drawing of the crane to scale as SVG: boom and cylinder at the first and last position of the motion, with
 /// dimensions.
 ///
 /// # Errors

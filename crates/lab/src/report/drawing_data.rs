@@ -3,15 +3,15 @@
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write;
 
-/// Drawn figure.
+/// Drawn figure: picture, data, and text alternative.
 #[derive(Clone, Debug)]
 pub struct Drawing {
-    /// SVG element.
+    /// Picture as an SVG element.
     pub svg: String,
     /// Data as CSV: a column per line if all have the same abscissae, else a row per point with the name of
     /// its line.
     pub csv: String,
-    /// Text description of axes and lines.
+    /// Text alternative for screen readers: description of axes and lines.
     pub says: String,
 }
 
@@ -19,18 +19,18 @@ pub struct Drawing {
 const BEGIN: &str = "<template class=\"data\">";
 const END: &str = "</template>";
 
-/// Figure of a page as separate files.
+/// Figure of a page as separate files, picture and data.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FigureFile {
     /// Name for the files: number and first words of the caption.
     pub name: String,
-    /// Picture as a file of its own.
+    /// Picture as the text of an SVG file.
     pub svg: String,
-    /// Data.
+    /// Data as the text of a CSV file.
     pub csv: String,
 }
 
-/// Figure with its caption.
+/// HTML element of a figure with its caption.
 pub fn figure(caption: &str, drawing: &Drawing) -> Markup {
     let label = html! { (caption) " " (drawing.says) }.into_string();
     let svg = drawing.svg.replacen(

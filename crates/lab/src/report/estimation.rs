@@ -8,7 +8,8 @@ use crate::log_estimation::{ESTIMATES, EstimateRow, INNOVATIONS, LogEstimate, re
 use crate::log_verdict::InnovationSummary;
 use maud::{Markup, html};
 
-/// Page of a log and a crane, given by their names; `notes` are remarks on the reading of the log.
+/// Page with estimated states and parameters along a log. Log and crane are given by their names; `notes` are remarks
+/// on the reading of the log.
 ///
 /// # Errors
 ///

@@ -11,7 +11,8 @@ use maud::{Markup, html};
 use plotters::style::RGBColor;
 use std::fmt::Write;
 
-/// Page of a family of `count` cranes drawn with `seed`, widened or not.
+/// Page with box plots and tables of `rows` over a family of `count` cranes drawn with `seed`, widened or not. `crane`
+/// is the name of the nominal crane.
 pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows: &[Row]) -> Page {
     let first = rows.first().map(|row| row.controller);
     let courses: Vec<&str> = rows

@@ -5,11 +5,11 @@ use super::palette::paint;
 use crate::LabError;
 use plotters::prelude::*;
 
-/// Line of a figure.
+/// Line of a figure with its points.
 pub struct Series<'a> {
-    /// Text of the legend.
+    /// Text in the legend.
     pub name: &'a str,
-    /// Points.
+    /// Points (x, y) in the units of the axes.
     pub points: Vec<(f64, f64)>,
     /// Index of its colour in the palette: [`colour_of`](super::colour_of) a strategy, or
     /// [`NEUTRAL`](super::NEUTRAL) for a reference.
@@ -17,26 +17,26 @@ pub struct Series<'a> {
 }
 
 impl<'a> Series<'a> {
-    /// Lines in the palette's order.
+    /// Lines with their names and points, in the palette's order.
     pub fn list(lines: impl IntoIterator<Item = (&'a str, Vec<(f64, f64)>)>) -> Vec<Self> {
         let numbered = lines.into_iter().enumerate();
         numbered.map(|(colour, (name, points))| Self { name, points, colour }).collect()
     }
 }
 
-/// Figure with one pair of axes.
+/// Line figure with one pair of axes.
 pub struct Figure<'a> {
     /// Label of the horizontal axis, with its unit.
     pub x: &'a str,
     /// Label of the vertical axis, with its unit.
     pub y: &'a str,
-    /// Lines.
+    /// Lines of the figure.
     pub series: Vec<Series<'a>>,
-    /// Scaling of the axes.
+    /// Linear or logarithmic scaling of the axes.
     pub axes: Axes,
 }
 
-/// Scaling of a figure's axes.
+/// Linear or logarithmic scaling of a figure's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
     /// Both linear.
@@ -64,7 +64,7 @@ const AXES: f64 = 222.0;
 const MOST_POINTS: usize = 900;
 
 impl Figure<'_> {
-    /// Draws the figure.
+    /// Draws the figure as SVG, with its data.
     ///
     /// # Errors
     ///

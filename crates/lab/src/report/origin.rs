@@ -2,18 +2,18 @@
 
 use maud::{Markup, html};
 
-/// Origin of a report, for its reproduction.
+/// Origin of a report, with which it can be reproduced.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
     /// Version of the program.
     pub version: String,
-    /// Command as entered.
+    /// Command line as entered.
     pub command: String,
-    /// Date (UTC).
+    /// Date (UTC) as text.
     pub date: String,
-    /// Input files: meaning, name, and SHA-256.
+    /// Input files: meaning, name, and SHA-256 in hexadecimal.
     pub read: Vec<(String, String, String)>,
-    /// Seed of the random numbers, if any.
+    /// Seed of the random numbers; none without random numbers.
     pub seed: Option<u64>,
 }
 

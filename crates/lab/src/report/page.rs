@@ -1,4 +1,4 @@
-//! Page of the study.
+//! Page of the study: all experiments of the paper.
 
 use super::document::{Page, document};
 use super::drawing;
@@ -19,7 +19,7 @@ use hydroboom_description::Description;
 use hydroboom_math::Real;
 use maud::{Markup, html};
 
-/// The study as one self-contained HTML page.
+/// Results of the study as one self-contained HTML page.
 ///
 /// # Errors
 ///

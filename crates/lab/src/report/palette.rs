@@ -14,11 +14,11 @@ pub(super) const COLOURS: [RGBColor; 5] = [
     RGBColor(150, 130, 20),
 ];
 
-/// Colour of a reference or a limit.
+/// Index of the neutral colour, for a reference or a limit.
 pub const NEUTRAL: usize = usize::MAX;
 const GREY: RGBColor = RGBColor(122, 130, 140);
 
-/// Index of a strategy in the palette.
+/// Index of a strategy's colour in the palette.
 pub fn colour_of(strategy: Strategy) -> usize {
     Strategy::ALL.iter().position(|s| *s == strategy).unwrap_or(NEUTRAL)
 }

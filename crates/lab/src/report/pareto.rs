@@ -8,25 +8,25 @@ use crate::closed_loop::monte_carlo::Percentiles;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Effort and error of a controller over a family.
+/// Control effort and tracking error of one controller over a family of cranes.
 pub struct ParetoPoint<'a> {
-    /// Text of the legend.
+    /// Text in the legend.
     pub name: &'a str,
     /// Index of its colour in the palette. Beyond the palette the colours repeat with triangles as marks.
     pub colour: usize,
-    /// Effort: median, and a bar from the 5th to the 95th percentile.
+    /// Control effort over the family: median, and a bar from the 5th to the 95th percentile.
     pub effort: Percentiles,
-    /// Error, likewise.
+    /// Tracking error over the family: median, and a bar from the 5th to the 95th percentile.
     pub error: Percentiles,
 }
 
-/// Error on a logarithmic axis over effort on a linear one.
+/// Figure of tracking error over control effort, with a logarithmic error axis.
 pub struct Pareto<'a> {
     /// Label of the horizontal axis, with its unit.
     pub effort: &'a str,
     /// Label of the vertical axis, with its unit.
     pub error: &'a str,
-    /// Controllers.
+    /// Controllers, a mark each.
     pub marks: Vec<ParetoPoint<'a>>,
 }
 
@@ -40,7 +40,7 @@ const TEXT: u32 = 16;
 const NEAR_ONE: f64 = 0.05;
 
 impl Pareto<'_> {
-    /// Draws the figure; controllers without finite percentiles are omitted.
+    /// Draws the figure as SVG, with its data; controllers without finite percentiles are omitted.
     ///
     /// # Errors
     ///

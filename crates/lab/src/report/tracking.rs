@@ -33,12 +33,13 @@ const COMPARED: [(&str, [Strategy; 2]); 4] = [
     ),
 ];
 
-/// Quantity of every sample over time \[s\].
+/// Points (time \[s\], value) of a quantity over all control periods of a run.
 pub fn over_time(run: &Run, value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     run.samples.iter().map(|s| (s.time, value(s))).collect()
 }
 
-/// Figures of one course on the named plant; `reference` is any run with its reference.
+/// Figures of one course on the named plant: reference, positions and errors. `find` returns the run of a strategy,
+/// `reference` is any run along the course.
 ///
 /// # Errors
 ///
@@ -84,16 +85,16 @@ pub fn panels<'a>(
     })
 }
 
-/// Note that replaces a second column.
+/// Note on ideal sensors, which replaces the column of measured errors.
 pub const IDEAL_SENSORS: &str = "Sensors are ideal: the measured error is the true one.";
 
-/// Content of a page of motion tests.
+/// Content of a page of motion tests (paper, section 5.3).
 pub struct MotionTests<'a> {
     /// Name of the model.
     pub crane: &'a str,
     /// Name of the plant.
     pub plant: &'a str,
-    /// All strategies along all courses.
+    /// Runs of all strategies along all courses.
     pub runs: &'a [Run],
     /// Published model along the course of the fastest velocity feedforward run, for figures 18 to 23.
     pub alongside: Option<&'a Run>,
@@ -101,11 +102,11 @@ pub struct MotionTests<'a> {
     pub is_papers_crane: bool,
     /// Stability of the strategies' loops on the plant.
     pub loops: &'a [LoopStability],
-    /// Remark on the plant, if any.
+    /// Remark on the plant; none for no remark.
     pub remark: Option<&'a str>,
 }
 
-/// Page with the figures of every course.
+/// Page of motion tests with the figures of every course.
 ///
 /// # Errors
 ///

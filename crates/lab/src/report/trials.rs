@@ -9,7 +9,8 @@ use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::robustness::Outcome;
 use maud::{Markup, html};
 
-/// Page of trials on a crane, with an optional remark on the crane.
+/// Page of robustness or input-shaping trials on a crane: bars of each controller's error, and a table. `remark` is a
+/// remark on the crane.
 pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> Page {
     let mut names: Vec<&str> = Vec::new();
     for outcome in outcomes {

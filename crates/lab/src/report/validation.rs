@@ -19,7 +19,8 @@ const SIGNALS: [Signal; 6] = [
     (23, "p_acc", "p_acc [bar]", |r| r.pressure_accumulator * 1e-5),
 ];
 
-/// Figures of both under velocity feedforward along the same course; `name` is the crane's.
+/// Figures of position and pressures of the published model and a crane, both under velocity feedforward along the
+/// same course; `name` is the crane's.
 ///
 /// # Errors
 ///

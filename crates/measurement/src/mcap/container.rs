@@ -16,26 +16,26 @@ const MOST_DESCRIPTIONS: usize = 64 << 20;
 /// Buffer size for skipping \[bytes\].
 const PART: u64 = 1 << 16;
 
-/// Parts of a file that could not be read.
+/// Parts of an MCAP file that could not be read: truncation, damaged chunks and damaged messages.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loss {
     /// Whether the file is truncated.
     pub is_cut_off: bool,
     /// Number of damaged chunks, which are left out.
     pub chunks: u64,
-    /// Range of log times of the damaged chunks, where known \[ns\].
+    /// Smallest and largest log time of the damaged chunks \[ns\]; none where unknown.
     pub span: Option<(u64, u64)>,
     /// Number of messages that are damaged or belong to no channel.
     pub messages: u64,
-    /// Reason why the rest of the file cannot be read, if it is damaged in between.
+    /// Reason why the part after a damaged place cannot be read; none if reading went on to the end.
     pub rest: Option<String>,
-    /// Damage of the first damaged chunk.
+    /// Damage of the first damaged chunk; none without one.
     pub chunk_reason: Option<String>,
-    /// Damage of the first damaged message.
+    /// Damage of the first damaged message; none without one.
     pub message_reason: Option<String>,
 }
 
-/// Reason why reading a file is aborted.
+/// Reason why reading an MCAP file is aborted.
 #[derive(Debug)]
 pub enum Stop {
     /// The file cannot be read.
@@ -45,17 +45,17 @@ pub enum Stop {
 }
 
 impl Loss {
-    /// Whether everything was read.
+    /// Whether the whole file was read, without any loss.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Whether there is damage other than truncation.
+    /// Whether chunks or messages are damaged; truncation alone does not count.
     pub fn is_damage(&self) -> bool {
         !Self { is_cut_off: false, ..self.clone() }.is_none()
     }
 
-    /// A sentence for each kind of loss.
+    /// One sentence for each kind of loss, for the user; empty without loss.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         if self.is_cut_off {
@@ -95,7 +95,8 @@ impl Loss {
     }
 }
 
-/// Calls `each` with every message, in the file's order.
+/// Reads an MCAP file (mcap.dev/spec) and calls `each` with every message, in the file's order. Memory is bounded;
+/// damaged parts are skipped and returned.
 ///
 /// # Errors
 ///

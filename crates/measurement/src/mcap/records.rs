@@ -35,32 +35,32 @@ pub(super) mod code {
 /// Schema of a channel's messages.
 #[derive(Debug, PartialEq, Eq, Hash)]
 pub struct Schema {
-    /// Its name, such as `sensor_msgs/msg/JointState`.
+    /// Name of the message type, such as `sensor_msgs/msg/JointState`.
     pub name: String,
-    /// Its language, such as `jsonschema` or `ros2msg`.
+    /// Schema language, such as `jsonschema` or `ros2msg`.
     pub encoding: String,
-    /// Text of the schema.
+    /// Text of the schema, as bytes.
     pub data: Vec<u8>,
 }
 
-/// Topic of a channel.
+/// Topic of a channel, with encoding and schema of its messages.
 #[derive(Debug, PartialEq, Eq, Hash)]
 pub struct Topic {
     /// Name of the topic.
     pub name: String,
     /// Encoding of its messages, such as `json` or `cdr`.
     pub encoding: String,
-    /// Schema of its messages, if the file has it.
+    /// Schema of its messages; none if the file has none.
     pub schema: Option<Rc<Schema>>,
 }
 
-/// A message.
+/// Message of an MCAP file.
 pub struct Message<'a> {
     /// Topic of the message.
     pub topic: &'a Rc<Topic>,
-    /// Log time \[ns\].
+    /// Time of logging \[ns\], from an epoch of the writer's choice, often the Unix epoch.
     pub log_time: u64,
-    /// Encoded content.
+    /// Encoded content of the message.
     pub data: &'a [u8],
 }
 

@@ -17,56 +17,56 @@ use hydroboom_control::supervision::supervisor::{Decision, Request};
 pub struct Period {
     /// Time since the last executed period, by the machine's clock \[s\].
     pub elapsed: f64,
-    /// Newest data from the machine; none before the first.
+    /// Newest data from the machine; none before the first measurement.
     pub incoming: Option<Incoming>,
     /// State of the simulated crane; none if there is no simulation.
     pub simulated: Option<Simulated>,
-    /// Request of the operator.
+    /// Request of the operator to the supervisor.
     pub request: Request,
-    /// Requested strategy.
+    /// Requested control strategy.
     pub strategy: Strategy,
-    /// Periods missed since the last executed one.
+    /// Number of control periods missed since the last executed one.
     pub missed: u32,
-    /// Whether an operator is present.
+    /// Whether an operator is present; without one no motion may start.
     pub attended: bool,
-    /// Whether the clock jumped backwards or far ahead.
+    /// Whether the machine's clock jumped backwards or far ahead.
     pub clock_jumped: bool,
-    /// Timing of the real-time tasks, for the record.
+    /// Timing of the real-time tasks, which is passed on to the record; none in simulated time.
     pub deadlines: Option<Deadlines>,
 }
 
-/// Record of one control period, for the log.
+/// Record of one control period for the log: measurement, estimates, reference, decision and command.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// Time since the executive began \[s\].
     pub time: f64,
-    /// Time of the course \[s\], negative during the approach to its start; none while the supervisor does
-    /// not pass the controller's command on.
+    /// Time of the course \[s\], negative during the approach to its start; none while the controller's command does
+    /// not act on the machine.
     pub course_time: Option<f64>,
-    /// Largest speed of the course \[m/s\].
+    /// Largest reference speed of the course \[m/s\].
     pub course_speed: f64,
-    /// Set point of the piston.
+    /// Reference position \[m\] and velocity \[m/s\] of the piston.
     pub reference: SetPoint<f64>,
-    /// Part of the set point that is the decaying start offset \[m\].
+    /// Part of the reference position that is the decaying offset at the start \[m\].
     pub start_offset: f64,
-    /// Newest measurement.
+    /// Newest measurement of the machine.
     pub measurement: Measurement,
-    /// State reported by the machine, if it reports one.
+    /// State that the machine reports; none if it reports none.
     pub status: Option<MachineStatus>,
-    /// State of the machine's attachment, if it counts its datagrams.
+    /// State of the connection to the machine; none for a machine whose datagrams are not counted.
     pub link: Option<Link>,
-    /// State of the simulated crane.
+    /// State of the simulated crane; none if there is no simulation.
     pub simulated: Option<Simulated>,
-    /// Decision of the supervisor, with the command that was sent.
+    /// Decision of the supervisor, which includes the command that was sent.
     pub decision: Decision,
-    /// Active strategy.
+    /// Active control strategy.
     pub strategy: Strategy,
     /// Reason why the benchmark controller took over; none while the requested strategy is active.
     pub fallback: Option<Fallback>,
     /// Outputs of the state estimator; none before the first measurement and for a crane without a
     /// scheduled LQR.
     pub estimates: Option<Estimates>,
-    /// Conditions of the simulated crane.
+    /// Payload and oil of the simulated crane.
     pub conditions: Conditions,
     /// Timing of the real-time tasks; none in simulated time.
     pub deadlines: Option<Deadlines>,
@@ -86,7 +86,7 @@ pub enum Fallback {
 }
 
 impl Fallback {
-    /// Name in logs and messages.
+    /// Name in logs and messages, as a short text.
     pub fn name(self) -> &'static str {
         match self {
             Self::Simulation => "simulation-drifted",
@@ -97,52 +97,52 @@ impl Fallback {
     }
 }
 
-/// Estimates of the machine's state with their standard deviations, at the time of the measurement.
+/// Estimates of the state estimator at the time of the measurement, with their standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimates {
-    /// Estimated state and parameters.
+    /// Estimated state, disturbances and parameters, in the units of the record's fields.
     pub state: MachineState<f64>,
-    /// Standard deviations of the estimates.
+    /// Standard deviations of the estimates, in the same units.
     pub deviation: MachineState<f64>,
-    /// Estimated parameters that a later run may start with.
+    /// Estimated parameters with their covariance, with which a later run may start.
     pub parameters: RetainedParameters<f64>,
     /// Innovations of position \[m\] and load pressure \[Pa\].
     pub innovation: [f64; 2],
     /// Standard deviations of the innovations by the filter; NaN where an innovation is zero, as while the
     /// load is held.
     pub innovation_deviation: [f64; 2],
-    /// Mean of the normalised innovation squared \[1\].
+    /// Mean normalised innovation squared (NIS) \[-\]; 1 for a consistent filter.
     pub mean_nis: f64,
-    /// Identified lag of the drive \[s\].
+    /// Identified time constant of the drive's lag \[s\].
     pub drive_lag: f64,
-    /// Estimated position of the tip; none for a crane whose tip is not estimated.
+    /// Estimated position of the boom's tip; none for a crane whose tip is not estimated.
     pub tip: Option<TipEstimate<f64>>,
 }
 
-/// Timing of the real-time tasks, as the control task reads it.
+/// Release delays and execution times of the real-time tasks, as the control task reads them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deadlines {
-    /// Release delay of the control task \[ns\].
+    /// Delay of the control task's last release \[ns\].
     pub control_late: u64,
-    /// Execution time of its last period \[ns\].
+    /// Execution time of the control task's last period \[ns\].
     pub control_execution: u64,
-    /// Missed releases of the control task since the start.
+    /// Number of missed releases of the control task since the start.
     pub control_missed: u64,
     /// Largest release delay of the simulation over about one control period \[ns\].
     pub simulation_late: u64,
     /// Longest execution time of a simulation step over about one control period \[ns\].
     pub simulation_execution: u64,
-    /// Missed releases of the simulation since the start.
+    /// Number of missed releases of the simulation since the start.
     pub simulation_missed: u64,
 }
 
 impl Record {
-    /// Signals of the axis.
+    /// Measured signals of the axis in the newest measurement.
     pub fn signals(&self) -> &AxisSignals<f64> {
         &self.measurement.axes[0].signals
     }
 
-    /// Tracking error x − x_ref \[m\] during the course; none during the approach to its start.
+    /// Measured tracking error x − x_ref \[m\] during the course; none during the approach to its start.
     pub fn error(&self) -> Option<f64> {
         self.course_time
             .filter(|time| *time >= 0.0)

@@ -6,7 +6,7 @@ use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_math::{Dual, Real};
 use serde::{Serialize, Serializer};
 
-/// Estimated quantity that has a true value.
+/// Quantity of the state estimator that has a true value in the virtual crane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Piston position, y + γ p.
@@ -27,7 +27,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All quantities.
+    /// All quantities, in the order of tables.
     pub const ALL: [Self; 7] = [
         Self::Position,
         Self::Velocity,
@@ -51,14 +51,14 @@ impl Quantity {
         }
     }
 
-    /// Whether it is a nonlinear function of parameters, which is judged by its coverage alone. Its
-    /// first-order standard deviation vanishes where the function saturates, as the bulk modulus of
-    /// compressed oil does. NEES has no meaning there.
+    /// Whether it is a nonlinear function of parameters, which is judged by its coverage alone. Its first-order
+    /// standard deviation vanishes where the function saturates, as the bulk modulus of compressed oil does. NEES has
+    /// no meaning there.
     pub fn is_effect_of_parameter(self) -> bool {
         matches!(self, Self::Friction | Self::FrictionAndUnknownForce | Self::BulkModulus)
     }
 
-    /// Unit of its errors in tables and JSON, and that unit in SI units.
+    /// Display unit of its errors, and the size of that unit in SI units.
     pub fn unit(self) -> (&'static str, f64) {
         match self {
             Self::Position => ("mm", 1e-3),

@@ -24,7 +24,7 @@ const RECOVERY: f64 = 2.0;
 /// Time after a start, stop or reversal of the reference with separate rows \[s\].
 const START: f64 = 0.5;
 
-/// Phase of the course at an instant.
+/// Phase of a course, by the motion of the reference and the load changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// The half second after a load change.
@@ -40,7 +40,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// All phases.
+    /// All phases, in the order of tables.
     pub const ALL: [Self; 5] =
         [Self::AfterLoadChange, Self::Recovery, Self::AfterStart, Self::Motion, Self::Rest];
 

@@ -6,69 +6,71 @@ use crate::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_control::strategy::Strategy;
 use serde::Serialize;
 
-/// One controller along one course over the whole family.
+/// Distributions of the results of one controller along one course over a family of cranes, compared with the
+/// benchmark.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Controller.
+    /// Compared controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
     /// Name of the course.
     pub course: String,
-    /// RMS true tracking error.
+    /// RMS true tracking error \[mm\].
     pub rms_true_mm: Percentiles,
-    /// RMS measured tracking error.
+    /// RMS measured tracking error \[mm\].
     pub rms_measured_mm: Percentiles,
-    /// Magnitude of the peak true tracking error.
+    /// Magnitude of the peak true tracking error \[mm\].
     pub peak_true_mm: Percentiles,
-    /// Magnitude of the peak measured tracking error.
+    /// Magnitude of the peak measured tracking error \[mm\].
     pub peak_measured_mm: Percentiles,
-    /// Share of cranes on which it is unstable.
+    /// Share of cranes \[%\] in sustained oscillation, or on which the course could not be finished.
     pub unstable_percent: f64,
-    /// RMS true error over the benchmark's on the same crane: below 1 if smaller.
+    /// RMS true error over the benchmark's on the same crane \[-\]: below 1 if smaller.
     pub rms_true_over_benchmark: Percentiles,
-    /// The same for the measured error.
+    /// RMS measured error over the benchmark's on the same crane \[-\].
     pub rms_measured_over_benchmark: Percentiles,
-    /// RMS true error over that of the retuned benchmark on the same crane, if that is one of the
+    /// RMS true error over that of the retuned benchmark on the same crane \[-\]; none if that is not one of the
     /// controllers.
     pub rms_true_over_retuned_benchmark: Option<Percentiles>,
-    /// Peak true error over the benchmark's on the same crane.
+    /// Magnitude of the peak true error over the benchmark's on the same crane \[-\].
     pub peak_true_over_benchmark: Percentiles,
-    /// Motor energy over the benchmark's on the same crane.
+    /// Motor energy over the benchmark's on the same crane \[-\].
     pub energy_over_benchmark: Percentiles,
-    /// Largest motor speed over the benchmark's on the same crane.
+    /// Largest motor speed over the benchmark's on the same crane \[-\].
     pub motor_speed_over_benchmark: Percentiles,
-    /// Residual vibration of the tip over the benchmark's on the same crane.
+    /// Residual vibration of the tip over the benchmark's on the same crane \[-\].
     pub vibration_over_benchmark: Percentiles,
-    /// Motor ripple at rest.
+    /// Motor ripple at rest \[rpm\], as defined in `Effort`.
     pub motor_ripple_rpm: Percentiles,
-    /// RMS motor slew over each course.
+    /// RMS rate of change of the motor speed over the course \[rpm/s\].
     pub motor_slew_rpm_per_s: Percentiles,
-    /// Control periods of all cranes without a solution, in which an earlier command was repeated.
+    /// Number of control periods of all cranes in which no solution was found and an earlier command was repeated.
     pub periods_without_solution: u64,
-    /// Ratios to the scheduled LQR on the same crane, if that is one of the controllers.
+    /// Ratios to the scheduled LQR on the same crane; none if that is not one of the controllers.
     pub over_scheduled_lqr: Option<OverLqr>,
     /// Number of cranes in sustained oscillation.
     pub oscillating: usize,
     /// Number of cranes that did not finish the course.
     pub unfinished: usize,
-    /// Share of cranes with a smaller RMS true error than the benchmark's.
+    /// Share of cranes \[%\] with a smaller RMS true error than the benchmark's.
     pub better_percent: f64,
 }
 
-/// Ratios of a controller to the scheduled LQR on the same crane, along one course over the whole family.
+/// Ratios of a controller's results to those of the scheduled LQR on the same crane, along one course over a family.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct OverLqr {
-    /// RMS true tracking error.
+    /// Ratio of the RMS true tracking errors \[-\].
     pub rms_true: Percentiles,
-    /// Number of cranes on which it is smaller.
+    /// Number of cranes with a smaller RMS true error than under the scheduled LQR.
     pub less_on: usize,
-    /// RMS measured tracking error.
+    /// Ratio of the RMS measured tracking errors \[-\].
     pub rms_measured: Percentiles,
-    /// Motor slew.
+    /// Ratio of the RMS rates of change of the motor speed \[-\].
     pub motor_slew: Percentiles,
 }
 
-/// Rows of a family, one per controller and course; none if the benchmark is not one of the controllers.
+/// Distributions over a family, one row per controller and course. Empty if the benchmark, to which they are compared,
+/// is not one of the controllers.
 pub fn rows(
     controllers: &[ControllerChoice],
     courses: &[String],

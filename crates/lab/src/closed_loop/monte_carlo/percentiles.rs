@@ -1,30 +1,38 @@
-//! Distribution of a quantity over a family of cranes.
+//! Percentiles of a quantity over a family of cranes.
 
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
 
-/// Distribution of a quantity over a family.
+/// Percentiles of a quantity over a family of cranes, in the quantity's unit; quantiles by interpolation.
+///
+/// ```
+/// use hydroboom_lab::closed_loop::monte_carlo::Percentiles;
+/// let error_mm = Percentiles::of([2.0, 1.0, f64::NAN, 3.0]);
+/// assert_eq!((error_mm.least, error_mm.worst), (1.0, 3.0));
+/// assert!((error_mm.median - 2.0).abs() < 1e-9);
+/// assert!(Percentiles::of([f64::NAN]).median.is_nan());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Percentiles {
-    /// Minimum.
+    /// Smallest value, in the quantity's unit.
     pub least: f64,
-    /// 5th percentile.
+    /// 5th percentile, in the quantity's unit.
     pub p5: f64,
-    /// 25th percentile.
+    /// 25th percentile, in the quantity's unit.
     pub p25: f64,
-    /// Median.
+    /// Median, the 50th percentile, in the quantity's unit.
     pub median: f64,
-    /// 75th percentile.
+    /// 75th percentile, in the quantity's unit.
     pub p75: f64,
-    /// 95th percentile.
+    /// 95th percentile, in the quantity's unit.
     pub p95: f64,
-    /// Maximum.
+    /// Largest value, in the quantity's unit.
     pub worst: f64,
 }
 
 impl Percentiles {
-    /// Distribution of the given values; non-finite ones are ignored. Without a finite value all are NaN, which is
-    /// null in JSON and a dash in [`text`](Self::text).
+    /// Percentiles of the given values; values that are not finite are ignored. Without a finite value all are NaN,
+    /// which is null in JSON and a dash in [`text`](Self::text).
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
         let [least, worst] =

@@ -7,14 +7,14 @@ use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Random parameter, uniformly distributed within its range.
+/// Random parameter of a family of cranes, uniformly distributed over its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Variation {
-    /// Name with its unit.
+    /// Name of the parameter with its unit.
     pub name: &'static str,
-    /// Smallest value.
+    /// Smallest value, in the unit of the name.
     pub low: f64,
-    /// Largest value.
+    /// Largest value, in the unit of the name.
     pub high: f64,
 }
 
@@ -22,7 +22,7 @@ const fn vary(name: &'static str, low: f64, high: f64) -> Variation {
     Variation { name, low, high }
 }
 
-/// All random parameters in the order in which they are drawn.
+/// All random parameters of a family, in the order in which they are drawn, each uniformly distributed over its range.
 pub const VARIATIONS: [Variation; 10] = [
     vary("payload [% of the nominal]", 0.0, 120.0),
     vary("oil temperature [C]", 10.0, 60.0),
@@ -50,16 +50,17 @@ pub const WIDENED: [Variation; 6] = [
 /// Shortest lag of a sensor \[s\]. Below it the lag is zero, because its bandwidth cannot be stated.
 const SHORTEST_LAG: f64 = 1e-5;
 
-/// Crane of a family.
+/// Crane of a family, with the random parameters that were drawn for it.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Values of [`VARIATIONS`], and in a widened family of [`WIDENED`] except its last entry.
+    /// Values of [`VARIATIONS`], and in a widened family of [`WIDENED`] except its last entry, in the units of their
+    /// names.
     pub values: Vec<f64>,
     /// Description of the crane.
     pub crane: Description,
 }
 
-/// Crane with the given number. It depends on the seed and the nominal crane only.
+/// Crane of a family with the given number. It depends on seed, number and nominal crane only.
 ///
 /// # Errors
 ///
@@ -150,7 +151,7 @@ pub fn members(
     (0..count).map(|number| of(nominal, seed, number)).collect()
 }
 
-/// Random parameters of a family, widened or not.
+/// Random parameters of a family; those of [`WIDENED`] are appended for a widened one.
 pub fn variations(is_widened: bool) -> Vec<Variation> {
     let more: &[Variation] = if is_widened { &WIDENED } else { &[] };
     [&VARIATIONS, more].concat()
