@@ -38,7 +38,7 @@ fn agree(said: &str) {
 }
 
 #[test]
-fn a_program_in_c_moves_cranes_as_rust_does_and_is_told_what_it_did_wrong() {
+fn a_c_program_moves_cranes_as_rust_does_and_gets_error_messages() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live");
     run(Command::new("cc")
