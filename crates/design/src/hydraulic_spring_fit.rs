@@ -175,7 +175,7 @@ mod tests {
 
     /// So much viscous friction that the load does not oscillate on its oil: mass and spring are what they are without.
     #[test]
-    fn an_overdamped_load_has_a_spring_too() {
+    fn the_spring_of_an_overdamped_load_is_fitted_too() {
         let mut crane = Description::uia_single_boom().unwrap();
         let of = |crane: &Description| LinearisedPlant::new(crane, 0.25).unwrap();
         let (spring, load) = hydraulic_spring(&of(&crane)).unwrap();
@@ -191,7 +191,7 @@ mod tests {
 
     /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike change nothing.
     #[test]
-    fn bristles_that_slide_change_nothing() {
+    fn sliding_bristles_do_not_change_the_spring() {
         let [one, other] = ["stribeck", "lugre"].map(|law| {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(&format!("friction.law={law}")).unwrap();

@@ -184,7 +184,7 @@ mod tests {
 
     /// The controller itself is shown small sines for so long that only they are left.
     #[test]
-    fn it_answers_sines_as_the_controller_does() {
+    fn the_small_signal_response_to_sines_is_the_controllers() {
         let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();
         let (position, payload, rod_side_term) = (0.25, 250.0, 1.5e5);
         let linear =
