@@ -342,7 +342,7 @@ mod tests {
 
     /// Every type of input and output that a block may have.
     #[test]
-    fn conditions_and_counts_are_compared_as_numbers() {
+    fn booleans_and_integers_are_compared_as_numbers() {
         let truths = Values::Truths((0..CALLS).map(|call| call > 2).collect());
         let counts = Values::Counts((0..CALLS).map(|call| call as i32 / 100).collect());
         let ramp = Values::Numbers((0..CALLS).map(|call| call as f64).collect());

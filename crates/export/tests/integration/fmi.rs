@@ -123,7 +123,7 @@ fn from_packed_source(path: &str, version: Version) -> String {
 }
 
 #[test]
-fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
+fn an_fmu_and_its_source_give_the_results_of_rust() {
     let Some(python) = python() else { return };
     let description = Description::uia_single_boom().unwrap();
     let crane = description.crane::<3>().unwrap();
@@ -160,7 +160,7 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
 /// A release, a motion and wrong inputs, recorded in closed loop: the FMUs of both framed controllers give Rust's
 /// outputs.
 #[test]
-fn framed_controllers_are_those_of_rust() {
+fn fmus_of_framed_controllers_give_the_outputs_of_rust() {
     let Some(python) = python() else { return };
     let model = Description::uia_single_boom().unwrap();
     let machine = Description::uia_virtual().unwrap();
@@ -203,7 +203,7 @@ fn framed_controllers_are_those_of_rust() {
 }
 
 #[test]
-fn states_are_kept_and_instances_do_not_know_of_each_other() {
+fn states_are_saved_and_instances_are_independent() {
     let Some(python) = python() else { return };
     for version in BOTH {
         assert_eq!(fmpy(&python, &["kept", &written("model", version)]), "", "{version:?}");
@@ -220,7 +220,7 @@ fn told(said: &str, wanted: &[&str]) {
 }
 
 #[test]
-fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
+fn failed_calls_return_an_error_and_never_ok() {
     let Some(python) = python() else { return };
     for version in BOTH {
         let said = fmpy(&python, &["diverged", &written("model", version)]);
@@ -340,7 +340,7 @@ fn steps_at_large_times_are_those_at_small_ones() {
 /// Every variable has a nominal value; settable ones start within their range; every unit that base units can express
 /// is defined.
 #[test]
-fn variables_have_ranges_and_units_their_definition() {
+fn variables_have_ranges_and_their_units_are_defined() {
     let crane = Description::uia_single_boom().unwrap();
     for version in BOTH {
         let controllers = CONTROLLERS.map(|what| steering(&crane, what, version));

@@ -185,7 +185,7 @@ fn loops_and_tables_in_c_are_those_in_rust_to_the_last_bit() {
 
 /// Unused results of a loop are not computed; the others count for each row.
 #[test]
-fn a_loop_counts_for_each_of_its_rows() {
+fn operations_of_a_loop_are_counted_for_each_row() {
     let block = block();
     let plan = Plan::of(&block).unwrap();
     let count = Count::of(&block.graph, &plan.entries[0]);
@@ -366,7 +366,7 @@ fn in_place_in_text(body: &str) -> Vec<&str> {
 }
 
 #[test]
-fn no_body_of_a_loop_stands_in_place() {
+fn loop_bodies_are_not_inlined() {
     let crane = Description::uia_single_boom().unwrap();
     for block in [block(), recorded(sums), scheduled_lqr_controller(&crane).unwrap()] {
         for precision in [Precision::Double, Precision::Single] {
