@@ -254,7 +254,7 @@ mod tests {
     };
 
     #[test]
-    fn a_margin_that_does_not_exist_is_a_dash_in_the_table_and_null_in_json() {
+    fn an_infinite_margin_is_a_dash_in_the_table_and_null_in_json() {
         assert_eq!([phase(60.4), gain(2.44), modulus(0.5)], ["60", "2.4", "0.50"]);
         assert_eq!([phase(f64::INFINITY), gain(f64::INFINITY), modulus(f64::NAN)], ["-"; 3]);
         let benchmark = WITHOUT_CROSSOVER;

@@ -15,7 +15,7 @@ fn limited(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn an_endless_device_is_no_file() {
+fn an_endless_device_is_refused_as_an_input() {
     let at = files("endless");
     let (log, zero) = (at("v.csv"), "/dev/zero");
     let made = hydroboom(&["simulate", "--hold-s", "0.3", "--valve", "0", "--log", &log]);
@@ -127,7 +127,7 @@ fn an_error_shows_an_excerpt_without_control_characters() {
 /// Estimator parameters that are invalid are refused when they are read, and accepted ones run. No
 /// parameter file ends the control task.
 #[test]
-fn retained_parameters_end_no_control_task() {
+fn invalid_retained_parameters_do_not_end_the_control_task() {
     let at = files("parameters");
     let path = at("p.json");
     let crane = short_crane(Path::new(&path).parent().unwrap());

@@ -5,7 +5,7 @@ use crate::support::short_crane::short_crane;
 use std::process::Command;
 
 #[test]
-fn every_command_explains_itself_with_an_example() {
+fn every_command_has_help_with_an_example() {
     for command in [
         "new",
         "check",
@@ -40,7 +40,7 @@ fn every_command_explains_itself_with_an_example() {
 }
 
 #[test]
-fn bounds_say_what_they_cannot_be_computed_of() {
+fn bounds_refuses_wrong_payloads_speeds_and_scenarios() {
     for (arguments, said) in [
         (["--payload-kg", "0:100"], "--payload-kg goes from 0 to 100 kg"),
         (["--payload-kg", "0:99999"], "beyond the plant's range of payload.mass_kg, 0 to 382 kg"),
@@ -76,7 +76,7 @@ fn a_new_crane_file_is_checked_and_shown() {
 
 /// A key that tune cannot change is refused with the reason, a misspelt one with a suggestion.
 #[test]
-fn keys_that_cannot_be_free_are_told_why() {
+fn keys_that_cannot_be_free_are_refused_with_the_reason() {
     let log = files("free")("log.csv");
     assert!(hydroboom(&["simulate", "--hold-s", "1", "--log", &log]).status.success());
     let tune = |key: &str| hydroboom(&["tune", "--log", &log, "--free", key]);
@@ -94,7 +94,7 @@ fn keys_that_cannot_be_free_are_told_why() {
 
 /// An invalid negative number is reported for its option.
 #[test]
-fn a_negative_number_is_read_as_one() {
+fn a_negative_number_is_read_as_a_value() {
     says(&hydroboom(&["design", "--family", "-3"]), "invalid value '-3' for '--family");
     says(&hydroboom(&["motion", "--seed", "-3"]), "invalid value '-3' for '--seed");
     let payloads = hydroboom(&["design", "--benchmark", "--payload-kg", "-5:100"]);
@@ -103,7 +103,7 @@ fn a_negative_number_is_read_as_one() {
 }
 
 #[test]
-fn a_value_beyond_its_range_names_a_place_that_the_user_can_look_at() {
+fn a_value_beyond_its_range_is_refused_with_the_range_to_edit() {
     let beyond = ["--set", "payload.mass_kg=99999"];
     let embedded = hydroboom(&[&["check"], &beyond[..]].concat());
     says(&embedded, "outside the embedded crane's range of payload.mass_kg, 0 to 370 kg");
@@ -117,7 +117,7 @@ fn a_value_beyond_its_range_names_a_place_that_the_user_can_look_at() {
 
 /// Output into a folder where no file can be created.
 #[test]
-fn an_export_lists_no_file_that_is_not_written() {
+fn an_export_lists_written_files_only() {
     let output = hydroboom(&["export", "c", "--out", "/proc/hydroboom"]);
     says(&output, "/proc/hydroboom cannot be written");
     let said = String::from_utf8_lossy(&output.stdout);
@@ -125,7 +125,7 @@ fn an_export_lists_no_file_that_is_not_written() {
 }
 
 #[test]
-fn a_new_crane_file_has_what_a_machine_has() {
+fn a_new_crane_file_has_the_keys_of_the_equipment() {
     let file = folder("complete").join("crane.toml");
     let path = file.to_str().unwrap();
     assert!(hydroboom(&["new", path]).status.success());
@@ -169,7 +169,7 @@ fn a_new_crane_file_has_what_a_machine_has() {
 }
 
 #[test]
-fn a_crane_file_that_is_named_is_the_machine() {
+fn a_given_crane_file_also_describes_the_machine() {
     let folder = folder("named");
     let crane = short_crane(&folder);
     let run = |arguments: &[&str]| {
@@ -211,7 +211,7 @@ fn a_crane_file_that_is_named_is_the_machine() {
 }
 
 #[test]
-fn the_papers_figures_stand_beside_its_own_crane_only() {
+fn the_papers_figures_are_shown_for_its_own_crane_only() {
     let folder = folder("paperless");
     let crane = short_crane(&folder);
     let out = folder.join("study");
@@ -241,7 +241,7 @@ fn the_papers_figures_stand_beside_its_own_crane_only() {
 }
 
 #[test]
-fn overrides_are_applied_together_and_to_the_model_alone_where_the_plant_is_another() {
+fn overrides_are_applied_together_and_not_to_a_separate_plant() {
     let alone = ["check", "--set", "cylinder.rod_mm=70"];
     assert!(!hydroboom(&alone).status.success());
     for order in [
@@ -267,7 +267,7 @@ fn overrides_are_applied_together_and_to_the_model_alone_where_the_plant_is_anot
 }
 
 #[test]
-fn a_machine_of_its_own_is_named_with_what_differs_most() {
+fn a_separate_machine_is_reported_with_its_largest_differences() {
     let folder = folder("machine");
     let crane = short_crane(&folder);
     let text = std::fs::read_to_string(&crane).unwrap();
@@ -309,7 +309,7 @@ fn wrong_crane_files_are_refused_with_a_reason() {
 }
 
 #[test]
-fn wrong_inputs_are_refused_and_leave_nothing_behind() {
+fn wrong_inputs_are_refused_and_leave_no_files() {
     let folder = folder("inputs");
     let log = folder.join("log.csv");
     let log_path = log.to_str().unwrap();
@@ -382,7 +382,7 @@ fn a_recorded_input_drives_the_crane_and_the_log_names_its_units() {
 }
 
 #[test]
-fn a_linearisation_leaves_matrices_and_a_figure() {
+fn a_linearisation_writes_matrices_and_a_figure() {
     let folder = folder("linearised");
     let path = folder.to_str().unwrap();
     let done = hydroboom(&["linearise", "--motor-speed-rpm", "600", "--out", path, "--json"]);
@@ -399,7 +399,7 @@ fn a_linearisation_leaves_matrices_and_a_figure() {
 }
 
 #[test]
-fn a_plant_that_differs_is_named_with_what_each_change_does() {
+fn a_different_plant_is_reported_with_the_effect_of_each_change() {
     let done = hydroboom(&[
         "motion",
         "--plant-set",
@@ -424,7 +424,7 @@ fn a_plant_that_differs_is_named_with_what_each_change_does() {
 }
 
 #[test]
-fn results_for_machines_have_the_promised_names() {
+fn json_results_have_the_documented_names() {
     let eigen = parsed(&["eigen", "--stroke-mm", "200", "--json"]);
     let row = [
         "stroke_mm",
@@ -481,7 +481,7 @@ fn results_for_machines_have_the_promised_names() {
 }
 
 #[test]
-fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
+fn the_virtual_crane_logs_the_signals_of_a_data_acquisition() {
     let log = folder("virtual").join("out.csv");
     let path = log.to_str().unwrap();
     let run = |arguments: &[&str]| {
@@ -508,7 +508,7 @@ fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
 /// From the survey of a virtual crane to a crane file with tip parameters: the bounds become narrower and
 /// contain the truth.
 #[test]
-fn a_survey_of_the_tip_is_fitted_and_counts() {
+fn a_tip_survey_is_fitted_and_narrows_the_bounds() {
     let folder = folder("tip");
     let path = |name: &str| folder.join(name).display().to_string();
     let (survey, surveyed) = (path("survey.csv"), path("surveyed.toml"));
@@ -536,7 +536,7 @@ fn a_survey_of_the_tip_is_fitted_and_counts() {
 /// The estimator runs under a strategy that does not use it, with measurements only. Each error is within
 /// four standard deviations.
 #[test]
-fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
+fn virtual_reports_estimates_with_their_true_errors() {
     let run = ["virtual", "--scenario", "small-moves", "--strategy", "benchmark-closed-loop"];
     let said = parsed(&[&run[..], &["--json"]].concat());
     let of = |name: &str, what: &str| said["estimates"][name][what].as_f64();
@@ -567,7 +567,7 @@ fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
 }
 
 #[test]
-fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
+fn a_dataset_is_complete_documented_and_separates_true_values() {
     let parent = folder("dataset");
     let path = parent.join("logs");
     let coarse = ["--set", "virtual.step_us=1000", "--set", "boom.segments=3"];
@@ -649,7 +649,7 @@ fn campaign_an_interrupted_calibration_ends_as_an_uninterrupted_one() {
 }
 
 #[test]
-fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
+fn trials_and_learned_results_are_written_as_json_and_html() {
     let folder = folder("trials");
     // of a crane with a short course, which is the machine as well
     let crane = short_crane(&folder);
@@ -719,7 +719,7 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
 /// Settings of estimator and control law belong to the controller. `--set` changes the machine, where they
 /// would have no effect.
 #[test]
-fn virtual_takes_settings_of_the_controller_for_its_model_only() {
+fn virtual_accepts_controller_settings_for_its_model_only() {
     let of = |arguments: &[&str]| hydroboom(&[&["virtual"], arguments].concat());
     let drift = "estimator.payload_drift_percent=2";
     says(&of(&["--set", drift]), &format!("--model-set {drift}"));
@@ -728,7 +728,7 @@ fn virtual_takes_settings_of_the_controller_for_its_model_only() {
 }
 
 #[test]
-fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
+fn estimating_a_log_writes_a_page_a_table_and_json() {
     let folder = folder("estimate");
     let [log, page, table] = ["log.csv", "page.html", "estimates.csv"]
         .map(|name| folder.join(name).to_str().unwrap().to_string());

@@ -4,7 +4,7 @@ use crate::support::command::{files, hydroboom, keys, parsed, says};
 use hydroboom_description::Description;
 
 #[test]
-fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
+fn exported_files_are_listed_and_reproducible() {
     let path = files("export");
     for (target, first) in [("st", "FB_HydraulicModel.st"), ("c", "hydroboom.h")] {
         let (once, again) = (path(&format!("{target}-1")), path(&format!("{target}-2")));
@@ -36,7 +36,7 @@ fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
 }
 
 #[test]
-fn what_a_language_cannot_say_is_refused_with_the_reason() {
+fn cranes_that_cannot_be_exported_are_refused_with_the_reason() {
     let path = files("export-refused");
     let out = path("out");
     says(&hydroboom(&["export", "c", "--out", &out, "--set", "boom.segments=10"]), "3 segments");
@@ -62,7 +62,7 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
 
 /// Scripts for earlier versions request it.
 #[test]
-fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
+fn model_following_is_refused_with_its_successor_and_the_choices() {
     let out = files("export-replaced")("following.fmu");
     let output = hydroboom(&["export", "fmu", "--what", "model-following", "--out", &out]);
     assert!(!output.status.success() && !std::path::Path::new(&out).exists());
@@ -86,7 +86,7 @@ fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
 /// Plant and controller as FMUs, simulated by FMPy, reproduce the results of `motion` for the same pair.
 /// Skipped unless `HYDROBOOM_FMPY` names a Python with FMPy.
 #[test]
-fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
+fn a_closed_loop_of_two_fmus_reproduces_the_motion_test() {
     let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
         eprintln!("skipped: HYDROBOOM_FMPY names no Python with FMPy");
         return;
@@ -141,7 +141,7 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
 }
 
 #[test]
-fn a_prefix_names_files_and_what_is_in_them_and_a_wrong_one_is_refused() {
+fn a_prefix_begins_all_exported_names_and_a_wrong_one_is_refused() {
     let path = files("export-prefix");
     let out = path("out");
     let made = parsed(&["export", "c", "--prefix", "my_", "--out", &out, "--json"]);

@@ -97,7 +97,7 @@ fn no_command_writes_over_its_input() {
 }
 
 #[test]
-fn an_input_is_known_by_every_path() {
+fn an_input_is_recognised_by_every_path() {
     let dir = folder("by-path");
     let at = |name: &str| dir.join(name).to_str().unwrap().to_string();
     let csv = at("v.csv");
@@ -129,7 +129,7 @@ fn an_input_is_known_by_every_path() {
 }
 
 #[test]
-fn two_outputs_are_two_files() {
+fn two_outputs_in_the_same_file_are_refused() {
     let at = files("two-outputs");
     let (log, report) = (at("x"), at("./x"));
     let output =
@@ -141,7 +141,7 @@ fn two_outputs_are_two_files() {
 /// A full disk, or a missing folder: the results are printed, the other files are written, and the program
 /// lists the missing ones at the end.
 #[test]
-fn an_output_that_fails_costs_no_other() {
+fn a_failed_output_does_not_affect_the_others() {
     let dir = folder("other-outputs");
     let at = |name: &str| dir.join(name).to_str().unwrap().to_string();
     for lost in ["/dev/full".to_string(), at("none/run.mcap")] {
@@ -173,7 +173,7 @@ fn an_output_that_fails_costs_no_other() {
 
 /// The disk becomes full while a log is written: the previous log is kept.
 #[test]
-fn a_log_that_does_not_fit_leaves_the_one_before() {
+fn a_full_disk_keeps_the_previous_log() {
     let dir = folder("does-not-fit");
     let path = dir.join("x.csv");
     fs::write(&path, "before").unwrap();
@@ -190,7 +190,7 @@ fn a_log_that_does_not_fit_leaves_the_one_before() {
 }
 
 #[test]
-fn results_that_cannot_be_printed_are_a_failure_and_cost_no_file() {
+fn a_failure_to_print_is_an_error_and_keeps_the_files() {
     let dir = folder("full-stdout");
     let path = dir.join("x.csv");
     let program = env!("CARGO_BIN_EXE_hydroboom");

@@ -39,7 +39,7 @@ fn waiting(port: u16) -> (Child, BufReader<impl Read>) {
 }
 
 #[test]
-fn what_cannot_be_attached_is_said() {
+fn a_machine_that_cannot_be_attached_is_refused_with_the_reason() {
     let taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let port = format!("udp:{}", taken.local_addr().unwrap().port());
     for (machine, named) in [
@@ -58,7 +58,7 @@ fn what_cannot_be_attached_is_said() {
 }
 
 #[test]
-fn a_bus_that_cannot_be_opened_is_told_before_anything_else_is_done() {
+fn an_unusable_bus_is_reported_before_anything_else_is_done() {
     let page = include_str!("../../../../docs/reference/ethercat-table.md");
     let table = page.split_once("```toml\n").unwrap().1.split_once("```").unwrap().0;
     let file = command::files("a_bus_that_cannot_be_opened");
@@ -82,7 +82,7 @@ fn a_bus_that_cannot_be_opened_is_told_before_anything_else_is_done() {
 }
 
 #[test]
-fn it_waits_for_a_machine_and_says_in_what_one_differs() {
+fn run_waits_for_a_machine_and_reports_a_mismatch() {
     let port = free_port();
     let (mut run, mut said) = waiting(port);
     assert!(run.try_wait().unwrap().is_none());

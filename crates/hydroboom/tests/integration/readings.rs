@@ -10,7 +10,7 @@ fn said(arguments: &[&str]) -> String {
 }
 
 #[test]
-fn the_papers_columns_stand_beside_no_crane_with_other_values() {
+fn the_papers_columns_are_not_shown_for_other_cranes() {
     assert!(said(&["eigen", "--stroke-mm", "200"]).contains("paper measured"));
     assert!(said(&["eigen", "--stroke-mm", "200", "--set", "boom.segments=5"]).contains("paper"));
     for other in ["payload.mass_kg=60", "cylinder.piston_mm=100", "payload.x_mm=9000"] {
@@ -22,7 +22,7 @@ fn the_papers_columns_stand_beside_no_crane_with_other_values() {
 /// Simulation feedforward for a light load on a plant with a heavy one runs into the end stop; the other
 /// strategies do not.
 #[test]
-fn a_run_that_stops_is_a_row_that_says_so_and_the_rest_stands() {
+fn an_aborted_run_is_marked_in_its_row_and_the_others_are_kept() {
     let arguments = [
         "motion",
         "--gains-as-given",
@@ -76,7 +76,7 @@ const CRANES: [&[&str]; 8] = [
 
 /// Text and numbers of `design` and `eigen` agree: stability, and both methods for the frequency.
 #[test]
-fn words_agree_with_numbers_on_every_crane() {
+fn text_agrees_with_json_for_every_crane() {
     // the paper's crane without ranges, which the other cranes exceed
     let file = files("every-crane")("crane.toml");
     assert!(hydroboom(&["new", &file]).status.success());
@@ -130,7 +130,7 @@ fn words_agree_with_numbers_on_every_crane() {
 
 /// JSON of commands that close a loop, with benchmark gains that are too high for a load on soft oil.
 #[test]
-fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
+fn every_unstable_loop_is_flagged_in_json() {
     let path = files("flags");
     let (crane, light) = (path("crane.toml"), path("light.toml"));
     assert!(hydroboom(&["new", &crane]).status.success());
@@ -174,7 +174,7 @@ fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
 /// One sample per second resolves neither an oscillation of 2 Hz nor the motor's input in between: nothing
 /// is judged.
 #[test]
-fn samples_that_are_too_far_apart_judge_nothing() {
+fn too_coarse_samples_give_no_verdict() {
     let path = files("far-apart");
     let (log, thin) = (path("log.csv"), path("thin.csv"));
     let simulate = ["simulate", "--speed-mm-s", "120", "--log", &log];
@@ -245,7 +245,7 @@ fn late(from: &str, to: &str, column: &str, rows: usize) {
 /// because the sensor on the other side of the open valve contradicts it. A wrong load shows in both
 /// sensors and is no sensor fault.
 #[test]
-fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
+fn a_sensor_fault_is_isolated_and_a_wrong_load_is_none() {
     let path = files("sensors");
     let (log, off) = (path("log.csv"), path("off.csv"));
     said(&["simulate", "--speed-mm-s", "120", "--log", &log]);
@@ -285,7 +285,7 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
 /// Numbers without a unit in MPa and rad/s: assumed to be bar and rpm by their magnitude, and suspected
 /// because of the crane's expected values.
 #[test]
-fn units_that_are_guessed_wrong_are_suspected_by_size() {
+fn wrongly_guessed_units_are_suspected_by_magnitude() {
     let path = files("guessed-units");
     let (log, one, both) = (path("log.csv"), path("one.csv"), path("both.csv"));
     said(&["simulate", "--speed-mm-s", "120", "--log", &log]);
@@ -312,7 +312,7 @@ fn units_that_are_guessed_wrong_are_suspected_by_size() {
 /// The paper's crane with another load, without noise, with free delays and offsets of the channels: a load
 /// that is 35 % lighter is found.
 #[test]
-fn another_load_is_found() {
+fn a_load_35_percent_lighter_is_identified() {
     is_found_or_called_local("another-load", 200.0);
 }
 
@@ -320,7 +320,7 @@ fn another_load_is_found() {
 /// nothing is called determined, and the wider search is named.
 #[test]
 #[ignore = "campaign"]
-fn campaign_an_empty_hook_is_found_or_the_search_is_called_a_local_one() {
+fn campaign_an_empty_hook_is_identified_or_the_search_called_local() {
     is_found_or_called_local("empty-hook", 60.0);
 }
 

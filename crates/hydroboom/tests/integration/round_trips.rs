@@ -187,7 +187,7 @@ fn motion_tests_are_read_back_and_their_report_has_its_figures() {
 
 /// A report can be reproduced from its origin block.
 #[test]
-fn a_report_says_how_it_was_made() {
+fn a_report_states_how_it_was_made() {
     let at = files("origin");
     let (crane, log) = (at("it's a crane.toml"), at("v.csv"));
     made(&["new", &crane]);

@@ -50,7 +50,7 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
 
 /// Options of earlier versions are refused with their replacement.
 #[test]
-fn what_was_replaced_names_its_successor() {
+fn replaced_options_are_refused_with_their_successors() {
     says(&hydroboom(&["run", "--simulated-time", "--learned", "learned.json"]), "scheduled-lqr");
     for command in ["run", "virtual"] {
         says(&hydroboom(&[command, "--strategy", "model-following"]), "scheduled-lqr");
@@ -58,7 +58,7 @@ fn what_was_replaced_names_its_successor() {
 }
 
 #[test]
-fn a_run_is_replayed_reported_and_says_what_cannot_be() {
+fn a_run_is_replayed_and_reported_with_its_limitations() {
     let folder = folder("replay");
     let (log, report) = (folder.join("run.mcap"), folder.join("run.html"));
     let (log, report) = (log.to_str().unwrap(), report.to_str().unwrap());
@@ -78,7 +78,7 @@ fn a_run_is_replayed_reported_and_says_what_cannot_be() {
 }
 
 #[test]
-fn several_courses_are_summed_up() {
+fn results_of_several_courses_are_summarised() {
     let run = parsed(&["run", "--simulated-time", "--cycles", "3", "--json"]);
     let courses = run["courses"].as_array().unwrap();
     assert_eq!(courses.len(), 3);
@@ -126,7 +126,7 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
 }
 
 #[test]
-fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_its_load() {
+fn a_killed_machine_is_detected_and_a_killed_run_leaves_the_load_held() {
     // a computer that stalls may end the run early: then it is tried again
     for _ in 0..6 {
         let run = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
@@ -162,7 +162,7 @@ fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_i
 
 /// The campaign is tested in its own crate; here the output of the command for a part of it.
 #[test]
-fn the_fault_campaign_says_what_became_of_every_case() {
+fn the_fault_campaign_reports_the_outcome_of_every_case() {
     let campaign = parsed(&["faults", "--only", "p_A shows 0", "--json"]);
     let outcomes = campaign["outcomes"].as_array().unwrap();
     // five strategies at five moments

@@ -4,7 +4,7 @@ use crate::support::command::{files, folder, hydroboom, keys, parsed, says};
 use hydroboom_lab::paper::TABLE_6;
 
 #[test]
-fn a_model_is_held_against_a_log_and_tuned_to_it() {
+fn a_model_is_compared_with_a_log_and_tuned_to_it() {
     let path = files("tune");
     let (log, mapping, report, tuned) =
         (path("fast.csv"), path("map.toml"), path("v.html"), path("tuned.toml"));
@@ -84,7 +84,7 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
 /// Section 5.2: the paper's manually tuned model differs from its crane as in Table 6.
 #[test]
 #[ignore = "campaign"]
-fn campaign_a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_seen() {
+fn campaign_tuning_halves_the_differences_of_table_6_on_a_held_out_log() {
     let path = files("table-6");
     let (seen, unseen) = (path("open.csv"), path("closed.csv"));
     for (strategy, log) in [("velocity-feedforward", &seen), ("benchmark-closed-loop", &unseen)] {
@@ -125,7 +125,7 @@ fn campaign_a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_
 }
 
 #[test]
-fn a_crane_on_a_valve_is_written_checked_shown_and_refused_where_it_does_not_belong() {
+fn commands_for_a_pump_refuse_a_valve_controlled_crane() {
     let file = folder("valve").join("lift.toml");
     let path = file.to_str().unwrap();
     assert!(hydroboom(&["new", path, "--circuit", "valve-controlled"]).status.success());
@@ -147,7 +147,7 @@ fn a_crane_on_a_valve_is_written_checked_shown_and_refused_where_it_does_not_bel
 
 /// Log of a valve-controlled crane at rest, written by hand because no command makes one.
 #[test]
-fn a_log_of_a_crane_on_a_valve_drives_it() {
+fn a_valve_controlled_crane_is_simulated_from_its_log() {
     let path = files("valve-log");
     let (crane, log) = (&path("lift.toml"), &path("still.csv"));
     assert!(hydroboom(&["new", crane, "--circuit", "valve-controlled"]).status.success());
@@ -169,7 +169,7 @@ fn a_log_of_a_crane_on_a_valve_drives_it() {
 }
 
 #[test]
-fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
+fn intervals_and_logs_are_held_out_and_a_search_is_resumed() {
     let path = files("held");
     let (log, other, report, tuned) =
         (path("fast.csv"), path("slow.csv"), path("t.html"), path("tuned.toml"));
@@ -293,7 +293,7 @@ fn parameters_are_ranked_with_slopes_and_indices() {
 /// Measured lift, which is not part of the project: the prediction of its ends that
 /// docs/explanation/measured-lift.md states, with the ends held out.
 #[test]
-fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
+fn held_out_ends_of_a_measured_lift_are_predicted() {
     let Ok(data) = std::env::var("HYDROBOOM_MEASURED_LOGS") else {
         eprintln!("skipped: HYDROBOOM_MEASURED_LOGS names no folder of measured logs");
         return;
@@ -342,7 +342,7 @@ fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
 /// From a log of the benchmark in closed loop, the proposed commands are an input of `simulate`. From a log
 /// of another crane nothing is proposed, and a motor at its limit is reported.
 #[test]
-fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
+fn learning_accepts_a_log_of_the_crane_and_refuses_one_of_another() {
     let path = files("learn-log");
     let course =
         ["motion.ramp_s=0.4", "motion.end_mm=130", "motion.dwell_s=0.3", "motion.rest_s=0.4"];

@@ -13,7 +13,7 @@ fn said(arguments: &[&str]) -> String {
 const LIGHT: [&str; 2] = ["--set", "payload.mass_kg=100"];
 
 #[test]
-fn design_tells_an_unstable_loop_in_place_of_its_margins() {
+fn design_reports_an_unstable_loop_without_margins() {
     let text = said(&[&["design"], &LIGHT[..]].concat());
     assert!(
         text.contains("benchmark: the closed loop is UNSTABLE at 25 to 475 mm, 19 of 19 positions"),
@@ -90,7 +90,7 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
 /// Payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable. On the ideal plant that
 /// `motion` uses without --plant it is not. Each command reports both, and the row of the table is marked.
 #[test]
-fn commands_that_close_a_loop_through_other_lags_say_so() {
+fn commands_report_with_which_lags_they_close_the_loop() {
     let far = ["--set", "payload.x_mm=9000"];
     for text in [said(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
     {
@@ -110,7 +110,7 @@ fn commands_that_close_a_loop_through_other_lags_say_so() {
 }
 
 #[test]
-fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
+fn linearise_reports_the_dead_band_and_proposes_a_point_outside() {
     let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
     assert_eq!(json["in_dead_band"], true);
     let remark = json["remark"].as_str().unwrap();
@@ -144,7 +144,7 @@ fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
 }
 
 #[test]
-fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
+fn eigen_shows_the_linearised_mode_and_lists_failed_strokes() {
     let json =
         parsed(&["eigen", "--set", "cylinder.piston_mm=100", "--stroke-mm", "100,700", "--json"]);
     let [row] = &json["eigenfrequency"].as_array().unwrap()[..] else { panic!("{json}") };
@@ -159,7 +159,7 @@ fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
 
 /// The virtual crane has ten segments and an elastic base: its last angle belongs to the base.
 #[test]
-fn eigen_says_which_angle_is_the_bases() {
+fn eigen_names_the_angle_of_the_base() {
     let file = format!("{}/../../cranes/uia-virtual.toml", env!("CARGO_MANIFEST_DIR"));
     let text = said(&["eigen", "--crane", &file, "--stroke-mm", "200"]);
     assert!(text.contains("angles of the segments, and of the base"), "{text}");
@@ -201,7 +201,7 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
 }
 
 #[test]
-fn designed_gains_are_written_with_where_they_come_from() {
+fn designed_gains_are_written_with_their_provenance() {
     let folder = folder("designed-gains");
     let [made, tuned] = ["crane.toml", "tuned.toml"].map(|name| folder.join(name));
     let [made, tuned] = [&made, &tuned].map(|path| path.to_str().unwrap());
@@ -253,7 +253,7 @@ fn designed_gains_are_written_with_where_they_come_from() {
 }
 
 #[test]
-fn a_file_of_overrides_is_told_from_a_crane_file() {
+fn a_file_of_overrides_is_refused_as_a_crane_file() {
     for name in ["double-mass", "half-mass", "off-model", "other-lever"] {
         let file = format!("{}/../../cranes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         for command in ["check", "design", "eigen", "linearise"] {
