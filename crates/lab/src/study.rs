@@ -417,7 +417,7 @@ mod tests {
     /// Payload at 9 m. The nominal plant has no lag, while the scheduled LQR expects one. Both facts are
     /// reported, and neither applies to the paper's crane.
     #[test]
-    fn a_loop_that_only_an_ideal_plant_makes_unstable_is_told_so() {
+    fn a_loop_unstable_on_the_ideal_plant_only_is_reported() {
         let said = |set: &str| {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(set).unwrap();

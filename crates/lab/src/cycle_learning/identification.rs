@@ -261,7 +261,7 @@ mod tests {
 
     /// The interval is that of the fit, about the mass at the model's lever.
     #[test]
-    fn the_payload_has_its_interval_and_its_lever() {
+    fn the_identified_payload_has_an_interval_and_a_lever() {
         let model = Description::uia_single_boom().unwrap();
         let mut found = keys(&[(0.1, 0.02)]);
         let payload = IdentifiedPayload::of(&found, &model).unwrap();

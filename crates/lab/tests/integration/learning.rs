@@ -41,7 +41,7 @@ fn error(report: &CycleReport, method: Method, cycles: Option<usize>, reset: boo
 /// With a worn, leaking pump, feedforward from the crane file's model has an error of centimetres.
 /// Feedforward from the identified model does not, and learning corrects the remaining error.
 #[test]
-fn a_cycle_identifies_what_feedforward_lacks() {
+fn a_cycle_identifies_the_model_error_of_the_feedforward() {
     let report = cycle(member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane, CYCLES);
     let nominal = error(&report, Method::NominalModel, None, true);
     let identified = error(&report, Method::IdentifiedModel, None, true);
@@ -76,7 +76,7 @@ fn campaign_a_cycle_identifies_the_delay_of_a_slow_drive() {
 
 /// A stopped report keeps the results so far and is marked as incomplete.
 #[test]
-fn what_was_run_before_a_stop_is_kept() {
+fn cycles_before_an_interruption_are_kept() {
     let model = Description::uia_single_boom().unwrap();
     let course = [CourseChoice::Motion(model.numbers.fast)];
     let cranes = [("one".into(), short(Description::uia_virtual().unwrap()))];
