@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn only_an_end_before_a_tag_is_one() {
+    fn a_file_may_end_before_a_tag_only() {
         let mut file = vec![b' '; 124];
         file.extend([0x00, 0x01, b'I', b'M']);
         // t = 1, as a matrix of doubles

@@ -499,7 +499,7 @@ fn shown(signals: &Signals, signal: Signal, time: f64) -> f64 {
 }
 
 #[test]
-fn each_form_is_read_rightly_or_refused_with_its_reason() {
+fn each_format_is_read_correctly_or_refused_with_the_reason() {
     for case in CASES {
         let path = folder(module_path!()).join(format!("made_{}", case.name));
         std::fs::write(&path, (case.made)()).unwrap();
@@ -553,7 +553,7 @@ fn a_log_without_times_is_read_with_its_sample_time() {
 }
 
 #[test]
-fn one_name_of_several_columns_is_refused() {
+fn an_ambiguous_column_name_is_refused() {
     let path = folder(module_path!()).join("ambiguous.csv");
     let case = CASES.iter().find(|case| case.name.starts_with("f08")).unwrap();
     std::fs::write(&path, (case.made)()).unwrap();
@@ -563,7 +563,7 @@ fn one_name_of_several_columns_is_refused() {
 
 /// The files themselves: not in the project, because they are large.
 #[test]
-fn each_file_of_the_folder_is_read_rightly_or_refused() {
+fn each_file_of_the_folder_is_read_correctly_or_refused() {
     let Some(folder) = std::env::var_os("HYDROBOOM_CASES").map(PathBuf::from) else { return };
     for case in CASES {
         let path = folder.join(case.name);

@@ -25,7 +25,7 @@ fn position_and_pressure(log: &Measurement, time: f64) -> (f64, f64) {
 }
 
 #[test]
-fn the_same_measurement_is_the_same_however_it_is_written() {
+fn a_measurement_in_every_notation_gives_the_same_signals() {
     let rows: Vec<(f64, f64, f64)> = (0..100)
         .map(|k| {
             let t = f64::from(k) * 0.01;
@@ -129,7 +129,7 @@ fn bad_logs_get_clear_errors() {
 }
 
 #[test]
-fn what_is_missing_stays_missing() {
+fn missing_samples_are_not_filled() {
     let text = "time_s,stroke_mm,p_A_bar\n0,1,68\n0.01,,69\n0.02,NaN,70\n0.03,4\n1.5,5,72\n1.51,6,73\n1.52,7,74\n";
     let log = log("missing.csv", text);
     assert_eq!(log.channels[0].range().unwrap().missing, 2);
@@ -145,7 +145,7 @@ fn what_is_missing_stays_missing() {
 }
 
 #[test]
-fn what_is_no_row_of_numbers_is_left_out_counted_and_said() {
+fn lines_without_numbers_are_left_out_and_counted() {
     let text = "# made by hand\ntime_s,stroke_mm,p_A_bar\n0,1,68\n0.01,2,69\n# a pause\n0.02,3,oops\ntime_s,stroke_mm,p_A_bar\n0.03,4\n\
                 0.04,5,71,9\n0.05,6,---\n,7,70\n0.06,8,7";
     let read_log = log("odd.csv", text);
@@ -169,7 +169,7 @@ fn what_is_no_row_of_numbers_is_left_out_counted_and_said() {
 }
 
 #[test]
-fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
+fn a_mapping_assigns_unguessable_columns_and_refuses_missing_ones() {
     let text = "zeitachse,kanal1,kanal2\n0,-50,6800000\n10,-51,6810000\n20,-52,6820000\n";
     let path = file("mapped.csv", text);
     let mapping = Mapping::parse(
@@ -210,7 +210,7 @@ fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
 }
 
 #[test]
-fn a_clock_that_drifts_is_set_right() {
+fn a_clock_drift_is_corrected() {
     // it counts 1.002 s in one; what it shows is the true time
     let rows = (0..5000).map(|k| format!("{},{}\n", f64::from(k) * 1.002e-2, f64::from(k) * 1e-2));
     let log = log("drift.csv", format!("t,x\n{}", rows.collect::<String>()));
@@ -229,7 +229,7 @@ fn a_clock_that_drifts_is_set_right() {
 }
 
 #[test]
-fn a_quote_that_nobody_closed_costs_its_cell_and_a_line_without_end_ends_with_an_error() {
+fn an_open_quote_loses_one_cell_and_an_endless_line_is_an_error() {
     let mut text = String::from("t,x\n0,1\n1,2\n2,\"3a\n");
     for k in 3..100_000 {
         text += &format!("{k},5\n");
@@ -245,7 +245,7 @@ fn a_quote_that_nobody_closed_costs_its_cell_and_a_line_without_end_ends_with_an
 }
 
 #[test]
-fn columns_are_guessed_and_what_was_only_wanted_is_not_taken_for_measured() {
+fn columns_are_guessed_and_references_are_not_taken_for_measured() {
     let head = "time_s,reference_position_mm,stroke_mm,simulated_stroke_mm,pressure_pump_a_bar,\
                 pressure_a_bar,pressure_b_bar,pressure_pump_b_bar,pressure_accumulator_bar,motor_speed_rpm,\
                 command_motor_speed_rpm,command_holding_valve,estimated_position_mm,deviation_position_mm,\
@@ -269,7 +269,7 @@ fn columns_are_guessed_and_what_was_only_wanted_is_not_taken_for_measured() {
 }
 
 #[test]
-fn a_mat_file_is_read_and_a_digest_tells_files_apart() {
+fn a_mat_file_is_read_and_a_digest_distinguishes_files() {
     // level 4, as MATLAB writes it with -v4: type, rows, columns, imaginary, length of the name
     let mut bytes = Vec::new();
     for (name, values) in [("t", [0.0, 0.1, 0.2]), ("p_A_bar", [68.0, 69.0, 70.0])] {
@@ -323,7 +323,7 @@ proptest::proptest! {
 
 /// A file that is not a log is refused with its kind; a MAT file is recognised by its content.
 #[test]
-fn files_are_known_by_how_they_begin() {
+fn file_formats_are_recognised_by_their_first_bytes() {
     let at = |name: &str| folder(module_path!()).join(name);
     for (bytes, wanted) in [
         (&b"\x1f\x8b\x08\0\0\0\0\0"[..], "packed by gzip: unpack it"),
@@ -343,7 +343,7 @@ fn files_are_known_by_how_they_begin() {
 }
 
 #[test]
-fn a_second_head_in_another_order_ends_the_table() {
+fn a_second_header_in_another_order_ends_the_table() {
     let rows = |swapped: bool| -> String {
         let row = |k: u32| {
             let [a, b] = if swapped { [70 + k, k] } else { [k, 70 + k] };
@@ -363,7 +363,7 @@ fn a_second_head_in_another_order_ends_the_table() {
 }
 
 #[test]
-fn rows_that_are_too_short_right_below_the_head_are_counted() {
+fn short_rows_directly_below_the_header_are_counted() {
     let path = folder(module_path!()).join("short.csv");
     let rows: String =
         (2..50).map(|k| format!("{},1,2,3,4,5,6,7\n", f64::from(k) * 0.01)).collect();
@@ -376,7 +376,7 @@ fn rows_that_are_too_short_right_below_the_head_are_counted() {
 }
 
 #[test]
-fn thousands_are_marked_as_the_decimals_of_the_same_table_show() {
+fn thousands_separators_follow_from_the_decimals_of_the_table() {
     let path = folder(module_path!()).join("thousands.csv");
     let rows: String = (0..50).map(|k| format!("0,{:03};2.25{};{k}\n", 10 * k, k % 10)).collect();
     std::fs::write(&path, format!("time_s;n_rpm;p_A_bar\n{rows}")).unwrap();

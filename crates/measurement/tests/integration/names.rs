@@ -13,7 +13,7 @@ const THRICE: &str =
     "time_s,stroke_mm,pressure,pressure,pressure\n0,50,69,3,70\n1,51,68,2,71\n2,52,69,3,70\n";
 
 #[test]
-fn columns_of_the_same_name_are_reachable_by_their_number() {
+fn columns_of_the_same_name_are_selected_by_their_number() {
     let log = log("thrice.csv", THRICE);
     assert_eq!(log.headings(), "stroke_mm, pressure#1, pressure#2, pressure#3");
     let text = "[log]\npressure_a = \"pressure#1\"\npressure_b = \"pressure#2\"\npressure_pump_a = \"pressure#3\"\n";
@@ -30,7 +30,7 @@ fn columns_of_the_same_name_are_reachable_by_their_number() {
 }
 
 #[test]
-fn a_mapping_that_could_mean_several_columns_is_refused() {
+fn an_ambiguous_mapping_is_refused() {
     let log = log("several.csv", THRICE);
     let said = |column: &str| {
         let text = format!("[log]\npressure_b = \"{column}\"\n");
@@ -48,7 +48,7 @@ fn a_mapping_that_could_mean_several_columns_is_refused() {
 }
 
 #[test]
-fn of_columns_that_are_called_the_same_none_is_guessed() {
+fn columns_of_the_same_name_are_not_guessed() {
     let two = log("two.csv", "time_s,x_cyl_mm,p_A_bar,p_A_bar\n0,1,69,3\n1,2,68,2\n2,3,67,1\n");
     let mapping = Mapping::default().completed(&two).unwrap();
     assert!(!mapping.entries.contains_key(&Signal::PressureA));

@@ -55,7 +55,7 @@ fn signals_that_contradict_each_other_are_suspected_and_others_are_not() {
 }
 
 #[test]
-fn single_samples_that_cannot_be_are_missing_and_the_others_stay() {
+fn impossible_single_samples_are_removed_and_others_kept() {
     let broken = |k: usize, row: &mut Row| match k {
         100 => row.position = -9999.0,
         200 | 201 => row.pressures[0] = 65_535.0,
@@ -86,7 +86,7 @@ fn a_signal_in_another_unit_keeps_its_samples() {
 
 /// A pressure that goes below vacuum by its offset: no unit makes that of what is there. One in another unit agrees with the pressure beside it in that unit.
 #[test]
-fn a_pressure_below_vacuum_is_off_and_in_no_other_unit() {
+fn a_pressure_below_vacuum_is_an_offset_and_no_wrong_unit() {
     let low = |k: usize| if k < 100 { 2.5 } else { 71.0 };
     let text = suspected(&log("below.csv", |k, row| row.pressures[2] = low(k) - 5.0));
     assert!(text.contains("p_PA is") && text.contains("another zero (offset)"), "{text}");
@@ -130,7 +130,7 @@ fn a_tank_line_without_pressure_is_not_suspected() {
 
 /// A tenth of the expected pressure and motor speed: the columns are in MPa and rad/s without a stated unit.
 #[test]
-fn guessed_units_are_held_against_the_crane() {
+fn guessed_units_are_checked_against_the_crane() {
     let per_second = std::f64::consts::TAU / 60.0;
     // the piston goes 200 mm in 3 s by a sine, the motor 900 rpm at most
     let travel = 0.1 * std::f64::consts::TAU / 6.0 / 15.0;

@@ -20,7 +20,7 @@ fn at(signals: &Signals, signal: Signal) -> f64 {
 }
 
 #[test]
-fn the_logs_unit_counts_where_a_mapping_names_only_the_column() {
+fn the_logs_unit_applies_where_a_mapping_names_only_the_column() {
     let text = "time,motor_speed_rad_s,p [MPa],x / in\n0,0,0,0\n1,157.07963,6.9,2\n2,0,0,0\n";
     let log = log("stated.csv", text);
     let mapping = "motor_speed = \"motor_speed_rad_s\"\npressure_a = \"p\"\nstroke = \"x\"\n";
@@ -32,7 +32,7 @@ fn the_logs_unit_counts_where_a_mapping_names_only_the_column() {
 }
 
 #[test]
-fn a_unit_that_is_unknown_or_of_something_else_is_an_error() {
+fn a_unit_that_is_unknown_or_of_another_quantity_is_an_error() {
     let text =
         "t,pressure_a [barr],x [bar],n [Hz],pressure_b [mm]\n0,1,1,1,1\n1,2,2,2,2\n2,3,3,3,3\n";
     let log = log("wrong.csv", text);
@@ -96,7 +96,7 @@ fn a_valves_command_is_in_volts_or_a_share() {
 }
 
 #[test]
-fn what_was_guessed_is_marked_in_the_mapping_and_said() {
+fn guessed_units_are_marked_in_the_mapping_and_reported() {
     let log = log("bare.csv", "time,position_1,pressure_1\n0,50,69\n1,51,70\n2,52,69\n");
     let (mapping, _) =
         mapped(&log, "stroke = \"position_1\"\npressure_a = \"pressure_1\"\n").unwrap();
@@ -110,7 +110,7 @@ fn what_was_guessed_is_marked_in_the_mapping_and_said() {
 }
 
 #[test]
-fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
+fn an_absolute_pressure_is_suspected_by_its_name_or_rest_value() {
     // a rod side that is open to the air while it rests, gauge and absolute
     let rows = |air: f64| -> String {
         (0..200)

@@ -64,7 +64,7 @@ fn topics_with_the_same_fields_are_both_addressed_by_topic() {
 }
 
 #[test]
-fn nested_messages_are_flattened_and_fields_that_come_later_are_kept() {
+fn nested_messages_are_flattened_and_later_fields_are_kept() {
     let messages = course(20, |k| {
         let late = if k < 10 { String::new() } else { format!(", \"late_bar\": {k}") };
         format!(
@@ -99,7 +99,7 @@ fn a_nan_of_python_is_a_missing_sample_and_a_broken_message_is_counted() {
 }
 
 #[test]
-fn a_clock_that_is_set_back_begins_a_segment_and_strays_are_left_out() {
+fn a_clock_set_back_starts_a_segment_and_strays_are_left_out() {
     let mut messages = plain(900);
     for k in 0..900 {
         // the clock of the second half begins anew; one message of it comes late
@@ -207,7 +207,7 @@ fn ros_2_messages_are_read_by_their_schemas() {
 }
 
 #[test]
-fn what_is_not_read_is_named_with_its_encoding_and_schema() {
+fn unread_topics_are_named_with_encoding_and_schema() {
     let foreign = |encoding, schema| Channel { topic: "/crane", encoding, schema };
     let messages: Vec<_> = (0..5).map(|k| (0, EPOCH + k, vec![0, 1, 0, 0, 5])).collect();
     for (encoding, schema, wanted) in [
@@ -224,7 +224,7 @@ fn what_is_not_read_is_named_with_its_encoding_and_schema() {
 }
 
 #[test]
-fn damage_is_told_and_what_is_whole_is_kept() {
+fn damaged_chunks_are_reported_and_intact_ones_kept() {
     let whole = file(options(), &[json("/crane")], &plain(500));
     let log = log("whole.mcap", &whole);
     assert_eq!(log.channels[0].values.len(), 500);
@@ -266,7 +266,7 @@ fn damage_is_told_and_what_is_whole_is_kept() {
 }
 
 #[test]
-fn a_chunk_that_says_to_be_large_takes_no_memory() {
+fn a_chunk_of_large_declared_size_takes_no_memory() {
     let small = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
     let packed = zstd::encode_all(&small[..], 3).unwrap();
     let said = refused("bomb.mcap", &one_chunk("zstd", 3 << 30, 0, &packed));
@@ -283,7 +283,7 @@ fn a_chunk_that_says_to_be_large_takes_no_memory() {
 }
 
 #[test]
-fn chunks_are_read_however_they_are_packed() {
+fn chunks_are_read_with_every_compression() {
     use std::io::Write;
     let records = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
     let crc = crc32fast::hash(&records);
@@ -300,7 +300,7 @@ fn chunks_are_read_however_they_are_packed() {
 }
 
 #[test]
-fn a_field_that_is_the_time_has_its_unit_by_its_name_or_its_numbers() {
+fn the_unit_of_a_time_field_follows_from_its_name_or_numbers() {
     let messages = course(200, |k| {
         format!(
             "{{\"timestamp\": {}, \"clock_us\": {}, \"x_mm\": {k}}}",
@@ -359,7 +359,7 @@ fn closed(records: &[Vec<u8>]) -> Vec<u8> {
 }
 
 #[test]
-fn a_large_attachment_is_passed_over() {
+fn a_large_attachment_is_skipped() {
     let messages = channel_and_messages("/crane", &[(0, "{\"x\": 1}")]);
     let message = |text: &str| {
         let times = PERIOD.to_le_bytes();
@@ -381,7 +381,7 @@ fn a_large_attachment_is_passed_over() {
 }
 
 #[test]
-fn descriptions_are_bounded() {
+fn number_and_size_of_schemas_are_bounded() {
     let schema = |id: u16, size: usize| {
         let data = [(size as u32).to_le_bytes().to_vec(), vec![b'#'; size]].concat();
         record(3, &[id.to_le_bytes().to_vec(), text("a/msg/B"), text("ros2msg"), data].concat())
@@ -396,7 +396,7 @@ fn descriptions_are_bounded() {
 }
 
 #[test]
-fn each_loss_is_told_with_its_own_cause_and_time() {
+fn each_loss_is_reported_with_its_cause_and_time() {
     let magic = 8;
     let good = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
     // a message of a channel that is not described

@@ -54,7 +54,7 @@ fn is_as_expected(log: &Measurement, name: &str) {
 }
 
 #[test]
-fn every_way_of_packing_gives_the_same_numbers() {
+fn every_compression_gives_the_same_numbers() {
     for name in ["plain", "deflate", "transposed", "zstd", "transposed_lz4", "list", "packed_list"]
     {
         let log = read(&recorded(&format!("{name}.mf4")), None).unwrap();
@@ -71,7 +71,7 @@ fn every_way_of_packing_gives_the_same_numbers() {
 }
 
 #[test]
-fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
+fn conversions_states_and_invalid_samples_agree_with_asammdf() {
     let log = read(&recorded("conversions.mf4"), None).unwrap();
     is_as_expected(&log, "conversions.csv");
     for wanted in ["of varying length", "an array"] {
@@ -80,7 +80,7 @@ fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
 }
 
 #[test]
-fn ranges_and_values_that_are_converted_or_texts_are_those_of_asammdf() {
+fn range_and_value_conversions_agree_with_asammdf() {
     is_as_expected(&read(&recorded("parts.mf4"), None).unwrap(), "parts.csv");
 }
 
@@ -111,7 +111,7 @@ fn unsorted(file: &mut File) -> (u64, u64) {
 }
 
 #[test]
-fn records_that_lie_among_each_other_are_told_apart() {
+fn interleaved_records_are_separated() {
     let mut file = File::new("MDF     ", "4.10");
     let (group, data) = unsorted(&mut file);
     let log = read(&path("unsorted.mf4", &file.finish(group, data, 1)), None).unwrap();
@@ -122,7 +122,7 @@ fn records_that_lie_among_each_other_are_told_apart() {
 }
 
 #[test]
-fn a_recording_that_was_interrupted_is_read_as_far_as_it_goes() {
+fn an_interrupted_recording_is_read_to_its_end() {
     let mut file = File::new("UnFinMF ", "4.10");
     let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
     let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -156,7 +156,7 @@ fn another_channel_may_be_the_time() {
 }
 
 #[test]
-fn what_cannot_be_read_is_said() {
+fn unreadable_files_and_channels_are_reported() {
     let said = refused("old.mf4", &File::new("MDF     ", "3.30").finish(0, 0, 0));
     assert!(said.contains("version 3.30"), "{said}");
     let said = refused("empty.mf4", &File::new("MDF     ", "4.10").finish(0, 0, 0));
@@ -184,7 +184,7 @@ fn what_cannot_be_read_is_said() {
 }
 
 #[test]
-fn a_list_that_leads_into_itself_ends() {
+fn reading_a_cyclic_list_terminates() {
     let mut file = File::new("MDF     ", "4.10");
     let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
     let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -200,7 +200,7 @@ fn a_list_that_leads_into_itself_ends() {
 }
 
 #[test]
-fn a_packed_block_that_says_to_be_large_is_refused() {
+fn a_compressed_block_of_large_declared_size_is_refused() {
     let mut file = File::new("MDF     ", "4.10");
     let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
     let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -250,7 +250,7 @@ fn with_a_clock(unit: &str) -> Vec<u8> {
 }
 
 #[test]
-fn what_a_mapping_says_of_the_time_is_for_groups_that_have_it() {
+fn a_mapped_time_applies_to_groups_that_contain_it() {
     let clock = TimeColumn { column: Some("clock".into()), ..TimeColumn::default() };
     // by its unit, as the mapping says, and by its numbers
     let milliseconds = TimeColumn { unit: Unit::from_text("ms").ok(), ..clock.clone() };
@@ -272,7 +272,7 @@ fn what_a_mapping_says_of_the_time_is_for_groups_that_have_it() {
 }
 
 #[test]
-fn ranges_are_converted_each_in_its_own_way() {
+fn each_range_has_its_own_conversion() {
     let mut file = File::new("MDF     ", "4.10");
     let channel = file.channel(0, "p_A", "bar", [0, 0, 8, 16]);
     let with_time = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -306,7 +306,7 @@ fn three(change: impl FnOnce(&mut File, u64) -> Option<u64>) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_wrong_with_one_part_costs_no_other() {
+fn an_error_in_one_part_does_not_affect_others() {
     // a unit that cannot be read is none that may be guessed
     let damaged = three(|file, stroke| {
         link(file, stroke, 6, 7);
@@ -354,7 +354,7 @@ fn what_is_wrong_with_one_part_costs_no_other() {
 
 /// A time that is counted, and one byte that never changes: four million records are packed into some hundred bytes.
 #[test]
-fn records_that_pack_well_are_all_read() {
+fn highly_compressed_records_are_all_read() {
     let count = 4_000_000_u64;
     let mut file = File::new("MDF     ", "4.20");
     let stroke = file.channel(0, "stroke", "mm", [0, 0, 0, 8]);

@@ -41,7 +41,7 @@ fn columns_of_numbers_are_read_with_their_time() {
 }
 
 #[test]
-fn a_file_without_a_time_is_refused_and_one_may_be_named() {
+fn a_file_without_a_time_is_refused_unless_one_is_named() {
     let said = read(&recorded("timeless.parquet"), None).unwrap_err().to_string();
     assert!(
         said.contains("no column is a timestamp, a time of the day or named as a time")
@@ -95,7 +95,7 @@ fn all(of: impl Fn(i64) -> i64) -> Vec<Option<i64>> {
 }
 
 #[test]
-fn integers_without_a_sign_are_not_negative() {
+fn unsigned_integers_are_not_negative() {
     let path = written(
         "unsigned.parquet",
         "message log { required int64 time_ms; required int32 a (INTEGER(32,false)); required int64 b (UINT_64); required int32 c (INTEGER(32,true)); }",
@@ -108,7 +108,7 @@ fn integers_without_a_sign_are_not_negative() {
 }
 
 #[test]
-fn a_time_of_the_day_has_the_unit_that_the_file_says() {
+fn a_time_of_day_has_the_unit_stated_in_the_file() {
     // by their steps, 1 would be a second and 400 milliseconds
     for (kind, step, span) in
         [("int32 clock (TIME_MILLIS)", 1, 0.019), ("int64 clock (TIME(MICROS,true))", 400, 0.0076)]
