@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_that_are_not_accepted_are_missed_within_the_watchdogs_time() {
+    fn unaccepted_commands_are_detected_within_the_watchdog_time() {
         let mut endpoint = greeted();
         for k in 1..=60_u64 {
             // the machine receives the first thirty commands

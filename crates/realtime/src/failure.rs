@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guarded_work_tells_why_it_failed_and_where() {
+    fn guarded_work_reports_why_and_where_it_failed() {
         hand_panics_on();
         assert_eq!(guarded(|| 7), Ok(7));
         let bounds = [1.0, 0.0];

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn written_parameters_are_read_back() {
         let (found, expected) = (read_back(str::to_string).unwrap(), parameters());
         let pairs = found.to_array().into_iter().zip(expected.to_array());
         for (a, b) in pairs {
@@ -205,7 +205,7 @@ mod tests {
     /// The message names the key, the value and the allowed range. Another crane, and oil parameters
     /// outside the crane file's uncertainty, are refused as well.
     #[test]
-    fn parameters_that_cannot_be_are_refused() {
+    fn impossible_parameters_are_refused() {
         let key = |key: &str, value: &str| {
             let found = read_back(|text| {
                 let mut all: Value = serde_json::from_str(text).unwrap();

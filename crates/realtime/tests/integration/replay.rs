@@ -116,7 +116,7 @@ fn an_empty_or_damaged_log_is_refused() {
 
 /// The same measurements give the same estimates and commands.
 #[test]
-fn a_replayed_run_estimates_what_it_estimated() {
+fn a_replayed_run_gives_the_same_estimates() {
     let (model, records, path) = logged_with("estimated", Strategy::ScheduledLqr, None, 12.0);
     let rows = rows(&path).unwrap();
     std::fs::remove_file(path).unwrap();
