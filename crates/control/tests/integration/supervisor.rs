@@ -172,10 +172,10 @@ proptest! {
                     let severity = |d: &Decision| d.cause.map(Cause::severity);
                     prop_assert!(severity(&now) >= severity(&before), "a milder fault hides it");
                 }
-                // a clock that tells no time counts as a period
-                let told = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
+                // an invalid time counts as one period
+                let is_valid = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
                 faulty_for = match now.cause == before.cause {
-                    true => faulty_for + if told { seen.elapsed } else { l.period },
+                    true => faulty_for + if is_valid { seen.elapsed } else { l.period },
                     false => 0.0,
                 };
                 if now.state == State::Fault && faulty_for > rig.supervisor.bound() + elapsed {
@@ -516,7 +516,7 @@ fn missed_readings_are_not_taken_for_a_runaway_piston() {
     }
 }
 
-/// A loop in sustained oscillation is told with amplitude and frequency, and is no fault within the limits.
+/// A sustained oscillation is reported with amplitude and frequency, and is no fault within the limits.
 #[test]
 fn an_oscillation_at_rest_is_reported_without_a_fault() {
     let mut rig = Rig::brought_to(State::Moving);
