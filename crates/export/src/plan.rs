@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_result_that_depends_on_a_foreign_input_is_refused_by_name() {
-        let said = Plan::of(&block(false).0).unwrap_err().to_string();
-        assert!(said.contains("made: y depends"), "{said}");
+        let message = Plan::of(&block(false).0).unwrap_err().to_string();
+        assert!(message.contains("made: y depends"), "{message}");
     }
 }

@@ -353,7 +353,7 @@ mod tests {
             outputs: vec![("bOn", truths, 1.0), ("nStatus", counts, 1.0)],
         };
         let text = test_bench(&[replay]).text();
-        for said in [
+        for expected in [
             "fbFramed(bEnable := vRecorded1, nMode := vRecorded2, xRef := aRecorded3[iCall]);",
             "(* FB_Framed.bEnable, FB_Framed.bOn *)\n    vRecorded1 : BOOL;",
             "    IF iCall = 200 THEN\n        vRecorded2 := 2;\n    END_IF;",
@@ -361,7 +361,7 @@ mod tests {
             "DINT_TO_LREAL(fbFramed.nStatus)",
             "bPassed := bPassedFramed;",
         ] {
-            assert!(text.contains(said), "{said} is not in\n{text}");
+            assert!(text.contains(expected), "{expected} is not in\n{text}");
         }
         iecst::parse_pou(&text.replace("LREAL#", "")).unwrap();
     }

@@ -376,8 +376,8 @@ int main()
     }
     let linked = ["-std=c++11", "main.cpp", "light_crane.o", "my_crane.o", "-lm", "-o", "program"];
     run("g++", &[&strict[..], &linked].concat());
-    let said = run("./program", &[]);
-    let found: Vec<f64> = said.split_whitespace().map(|v| v.parse().unwrap()).collect();
+    let printed = run("./program", &[]);
+    let found: Vec<f64> = printed.split_whitespace().map(|v| v.parse().unwrap()).collect();
     let inputs = [Input { pump_speed: 10.0, holding_valve: 1.0 }; 200];
     let seen = |crane: &Description| in_rust(crane, &inputs)[199][flat_len() + 3];
     assert_eq!(found[0], seen(&light));

@@ -526,14 +526,14 @@ fn the_evaluator_refuses_what_the_standard_does() {
         ("fb(u := b);", "types of u "),
         ("x(u := x);", "x is number"),
     ];
-    let texts = wrong.map(|(statement, said)| (few(variables, statement), said));
+    let texts = wrong.map(|(statement, expected)| (few(variables, statement), expected));
     let twice = (few("x : LREAL; X : DINT;", ""), "X is declared twice");
     let unknown = (few("fb : FB_Missing;", ""), "no unit FB_MISSING");
     let initial = (few("x : LREAL := TRUE;", ""), "types of x ");
-    for (text, said) in texts.into_iter().chain([twice, unknown, initial]) {
+    for (text, expected) in texts.into_iter().chain([twice, unknown, initial]) {
         let panic = std::panic::catch_unwind(|| read(&text)).expect_err(&text);
         let message = panic.downcast_ref::<String>().unwrap();
-        assert!(message.contains(said), "{text}: {message}");
+        assert!(message.contains(expected), "{text}: {message}");
     }
 }
 
@@ -607,10 +607,10 @@ fn the_evaluator_refuses_calls_that_the_standard_does() {
         ("x := F_Missing(u := x);", "F_Missing"),
         ("a[0] := F_Twice(u := TRUE);", "types of u "),
     ];
-    for (statement, said) in wrong {
+    for (statement, expected) in wrong {
         let panic = std::panic::catch_unwind(|| calling(declared, statement)).expect_err(statement);
         let message = panic.downcast_ref::<String>().unwrap();
-        assert!(message.contains(said), "{statement}: {message}");
+        assert!(message.contains(expected), "{statement}: {message}");
     }
 }
 
@@ -690,7 +690,7 @@ fn the_configuration_declares_globals_and_schedules_programs() {
     let configuration = all.last().unwrap();
     assert_eq!(configuration.kind, Kind::Globals);
     let text = configuration.text();
-    for said in [
+    for expected in [
         "CONFIGURATION Hydroboom\nVAR_GLOBAL\n",
         "END_VAR\n\nRESOURCE Controller ON PLC\n",
         "    TASK ControlTask(INTERVAL := T#1ms, PRIORITY := 1);\n",
@@ -698,7 +698,7 @@ fn the_configuration_declares_globals_and_schedules_programs() {
         "    PROGRAM Control WITH ControlTask : PRG_Control;\n",
         "    PROGRAM TestBench WITH TestBenchTask : PRG_TestBench;\nEND_RESOURCE\nEND_CONFIGURATION\n",
     ] {
-        assert!(text.contains(said), "{said} is not in\n{text}");
+        assert!(text.contains(expected), "{expected} is not in\n{text}");
     }
     let project = plcopen::project(&all);
     let document = roxmltree::Document::parse(&project).unwrap();
