@@ -86,9 +86,9 @@ fn an_input_is_not_overwritten_by_any_path() {
         dir.path().join("sub/up/v.csv"),
     ];
     for way in ways {
-        for said in [write(&way, b"over").unwrap_err(), try_place(&way).unwrap_err()] {
-            assert!(matches!(said, FileError::IsInput { .. }), "{}: {said}", way.display());
-            assert!(said.to_string().contains("v.csv"), "{said}");
+        for error in [write(&way, b"over").unwrap_err(), try_place(&way).unwrap_err()] {
+            assert!(matches!(error, FileError::IsInput { .. }), "{}: {error}", way.display());
+            assert!(error.to_string().contains("v.csv"), "{error}");
         }
         assert_eq!(fs::read_to_string(&input).unwrap(), "mine", "{}", way.display());
     }
@@ -134,8 +134,8 @@ fn devices_are_written_in_place_and_a_full_one_is_an_error() {
     write(&link, b"away").unwrap();
     assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
     assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-    let said = write(Path::new("/dev/full"), b"too much").unwrap_err().to_string();
-    assert!(said.contains("/dev/full") && said.contains("space"), "{said}");
+    let message = write(Path::new("/dev/full"), b"too much").unwrap_err().to_string();
+    assert!(message.contains("/dev/full") && message.contains("space"), "{message}");
     assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device());
 }
 
@@ -188,9 +188,9 @@ fn a_folder_is_written_whole_or_not_at_all() {
 
 #[test]
 fn reading_stops_at_the_size_limit() {
-    let said = bytes(Path::new("/dev/zero"), "crane file", 1_000_000).unwrap_err().to_string();
-    assert!(said.contains("1000 kB") && said.contains("crane file"), "{said}");
-    assert!(said.contains("device"), "{said}");
+    let message = bytes(Path::new("/dev/zero"), "crane file", 1_000_000).unwrap_err().to_string();
+    assert!(message.contains("1000 kB") && message.contains("crane file"), "{message}");
+    assert!(message.contains("device"), "{message}");
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("long.toml");
     fs::write(&path, vec![b'['; 1001]).unwrap();
