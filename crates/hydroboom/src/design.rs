@@ -263,7 +263,7 @@ mod tests {
         let json = serde_json::to_value(&report).unwrap();
         assert!(json["benchmark"]["phase_deg"].is_null(), "{json}");
         assert!(json["benchmark"]["crossover_hz"].is_null(), "{json}");
-        let said = table(&[report]);
-        assert!(said.contains("- / - / 0.90") && said.contains("unstable"), "{said}");
+        let text = table(&[report]);
+        assert!(text.contains("- / - / 0.90") && text.contains("unstable"), "{text}");
     }
 }

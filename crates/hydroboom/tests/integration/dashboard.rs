@@ -249,7 +249,7 @@ fn half_open_connections_do_not_block_new_ones() {
     // earlier viewers stay connected, and pages are served
     assert_eq!(operator.wait_for_state("Fault")["cause"], "emergency-stop");
     assert!(run.get("/", "").0.starts_with("HTTP/1.1 200"));
-    assert!(!run.said.lock().unwrap().contains("the dashboard ends"));
+    assert!(!run.printed.lock().unwrap().contains("the dashboard ends"));
 }
 
 #[test]
@@ -384,5 +384,5 @@ fn foreign_pages_and_malformed_messages_are_refused() {
         assert!(answer.to_string().contains(reason), "{answer}");
     }
     assert_eq!(good.wait_for(|m| m["type"] == "frame")["state"], "Holding");
-    assert!(!run.said.lock().unwrap().contains("panicked"));
+    assert!(!run.printed.lock().unwrap().contains("panicked"));
 }

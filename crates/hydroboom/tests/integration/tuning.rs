@@ -1,6 +1,6 @@
 //! Logs, tuning, sensitivity and other circuits, as users run them.
 
-use crate::support::command::{files, folder, hydroboom, keys, parsed, says};
+use crate::support::command::{fails_with, files, folder, hydroboom, keys, parsed};
 use hydroboom_lab::paper::TABLE_6;
 
 #[test]
@@ -64,7 +64,10 @@ fn a_model_is_compared_with_a_log_and_tuned_to_it() {
     );
     let after = of(&["--crane", &tuned]);
     assert!(rms(&after, 0) < 0.5 * rms(&before, 0), "{} to {}", rms(&before, 0), rms(&after, 0));
-    says(&hydroboom(&["tune", "--log", &log, "--free", "boom.young"]), "boom.youngs_modulus_gpa");
+    fails_with(
+        &hydroboom(&["tune", "--log", &log, "--free", "boom.young"]),
+        "boom.youngs_modulus_gpa",
+    );
     let other = [
         "tune",
         "--log",
@@ -76,9 +79,9 @@ fn a_model_is_compared_with_a_log_and_tuned_to_it() {
         "--profile",
         "boom.length_mm",
     ];
-    says(&hydroboom(&other), "not among the keys that are moved");
-    says(&hydroboom(&["validate", "--log", &mapping]), "no row");
-    says(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
+    fails_with(&hydroboom(&other), "not among the keys that are moved");
+    fails_with(&hydroboom(&["validate", "--log", &mapping]), "no row");
+    fails_with(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
 }
 
 /// Section 5.2: the paper's manually tuned model differs from its crane as in Table 6.
@@ -141,7 +144,7 @@ fn commands_for_a_pump_refuse_a_valve_controlled_crane() {
     assert!(has("valve.neutral_v") && !has("pump.flow_gain"));
     for refuses in [&["motion"][..], &["simulate", "--speed-mm-s", "50"], &["sensitivity"]] {
         let output = hydroboom(&[refuses, &["--crane", path]].concat());
-        says(&output, "for self-contained cranes");
+        fails_with(&output, "for self-contained cranes");
     }
 }
 
@@ -207,19 +210,22 @@ fn intervals_and_logs_are_held_out_and_a_search_is_resumed() {
     assert!(page.contains("without 4 to 5 s"));
     assert!(page.matches("<svg").count() >= 6);
 
-    says(&hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", "7:6"]), "FROM:TO");
-    for (asked, said) in [("50:60", "outside the logs"), ("0:60", "leaves nothing")] {
+    fails_with(
+        &hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", "7:6"]),
+        "FROM:TO",
+    );
+    for (asked, expected) in [("50:60", "outside the logs"), ("0:60", "leaves nothing")] {
         let asked = hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", asked]);
-        says(&asked, said);
+        fails_with(&asked, expected);
     }
     let twice = "pump.flow_gain,pump.flow_gain";
-    says(&hydroboom(&["tune", "--log", &log, "--free", twice]), "names pump.flow_gain twice");
+    fails_with(&hydroboom(&["tune", "--log", &log, "--free", twice]), "names pump.flow_gain twice");
     let journal = path("search.json");
     std::fs::write(&journal, "{\"search\":\"another\",\"at\":[]}").unwrap();
     let other = ["tune", "--log", &log, "--free", "pump.flow_gain", "--journal", &journal];
-    says(&hydroboom(&other), "another search");
+    fails_with(&hydroboom(&other), "another search");
     std::fs::write(&journal, "nonsense").unwrap();
-    says(&hydroboom(&other), "no journal");
+    fails_with(&hydroboom(&other), "no journal");
     std::fs::remove_file(&journal).unwrap();
 
     // interrupted as by Ctrl-C and restarted: the same result as without an interruption
@@ -269,7 +275,7 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     assert!((0.5..1.6).contains(&(total(0) + total(1))), "{output}");
     let page = std::fs::read_to_string(report).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("Sobol"));
-    says(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
+    fails_with(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
     // the scheduled LQR is re-run; an error is never below zero, as a linear extrapolation from a minimum
     // would be
     let short =
@@ -286,8 +292,8 @@ fn parameters_are_ranked_with_slopes_and_indices() {
         let there = key[end]["output"].as_f64().unwrap();
         assert!(there > 0.0 && there != tracking["value"].as_f64().unwrap(), "{found}");
     }
-    says(&hydroboom(&["sensitivity", "--keys", "boom.young"]), "boom.youngs_modulus_gpa");
-    says(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
+    fails_with(&hydroboom(&["sensitivity", "--keys", "boom.young"]), "boom.youngs_modulus_gpa");
+    fails_with(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
 }
 
 /// Measured lift, which is not part of the project: the prediction of its ends that
@@ -379,7 +385,7 @@ fn learning_accepts_a_log_of_the_crane_and_refuses_one_of_another() {
     let slow = ["motor.max_speed_rpm=1500"];
     virtual_log(&other, &[slow[0], "cylinder.piston_mm=100", "cylinder.rod_mm=56"]);
     let refused = run(with(&["learn", "--log", &other, "--out", &none, "--json"], &slow));
-    says(&refused, "no correction is proposed");
+    fails_with(&refused, "no correction is proposed");
     let found: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();
     assert!(found["refused"].to_string().contains("another crane"), "{found}");
     assert!(found["remarks"].to_string().contains("at its limit of 1500 rpm for"), "{found}");
