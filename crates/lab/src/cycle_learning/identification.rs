@@ -253,8 +253,8 @@ mod tests {
         assert!(improbable(&keys(&[(0.3 * 3.6, 0.001)])).is_some());
         assert!(improbable(&keys(&[(0.15 * 3.6, half); 3])).is_some());
         // a key without information in the log adds no degree of freedom; small deviations are no contradiction
-        let said = improbable(&keys(&[(0.3 * 3.6, 0.001), (0.0, 0.3), (0.0, 0.3), (0.0, 0.3)]));
-        assert!(said.unwrap().starts_with("the 1 keys"));
+        let message = improbable(&keys(&[(0.3 * 3.6, 0.001), (0.0, 0.3), (0.0, 0.3), (0.0, 0.3)]));
+        assert!(message.unwrap().starts_with("the 1 keys"));
         assert_eq!(improbable(&keys(&[(0.3, 0.001), (-0.2, half), (0.25, half)])), None);
         assert_eq!(improbable(&keys(&[(0.0, 0.3)])), None);
     }

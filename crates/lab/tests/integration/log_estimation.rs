@@ -124,8 +124,8 @@ fn sensor_faults_are_named_and_undetectable_ones_mentioned() {
     assert!(both.verdict.findings.is_empty(), "{:?}", both.verdict.findings);
     assert_eq!(both.verdict.is_consistent, Some(true));
     assert!((15.0..40.0).contains(&(payload(&both) - payload(&found))), "{}", payload(&both));
-    let said = both.verdict.unobservable.join("\n");
-    assert!(said.contains("1 bar of p_A (and of p_PA alike) cannot be told"), "{said}");
+    let findings = both.verdict.unobservable.join("\n");
+    assert!(findings.contains("1 bar of p_A (and of p_PA alike) cannot be told"), "{findings}");
 
     // pressure delayed by 60 ms, position delayed by 50 ms
     let late = along(&changed(&sound, Signal::PressureA, |t, v| Some((t + 0.06, v))));
