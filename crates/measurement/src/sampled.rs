@@ -222,8 +222,8 @@ mod tests {
             let mut assembly = Assembly::new("test", None, Vec::new());
             let time = Column::new(name, vec![0.0, 1.0, 2.0]);
             let columns = vec![Column::new("p_A_bar", vec![0.0; 3])];
-            let said = assembly.add(Samples { columns, time }).unwrap_err().to_string();
-            assert!(said.contains(wanted) && said.contains("[log.time]"), "{said}");
+            let message = assembly.add(Samples { columns, time }).unwrap_err().to_string();
+            assert!(message.contains(wanted) && message.contains("[log.time]"), "{message}");
         }
     }
 

@@ -201,7 +201,7 @@ mod tests {
             matches!(&read(&tall[..], &mut remarks).unwrap()[0].value, Value::Text(rows) if rows.is_empty())
         );
         let large = matrix(0, 40_000, 50_000, "x", &[]);
-        let said = read(&large[..], &mut remarks).err().unwrap();
-        assert!(said.contains("20 million"), "{said}");
+        let message = read(&large[..], &mut remarks).err().unwrap();
+        assert!(message.contains("20 million"), "{message}");
     }
 }

@@ -314,8 +314,8 @@ mod tests {
         let mut remarks = Vec::new();
         assert_eq!(read(&file[..], &mut remarks).map(|v| v.len()), Ok(1));
         assert!(remarks.is_empty());
-        let said = read(Failing(&file), &mut remarks).err();
-        assert_eq!(said.as_deref(), Some("the disk is gone"));
+        let message = read(Failing(&file), &mut remarks).err();
+        assert_eq!(message.as_deref(), Some("the disk is gone"));
         file.extend([14, 0, 0]);
         assert_eq!(read(&file[..], &mut remarks).map(|v| v.len()), Ok(1));
         assert!(remarks[0].contains("cut off or damaged after t (cut off)"), "{remarks:?}");

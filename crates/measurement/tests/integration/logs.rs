@@ -101,7 +101,7 @@ fn an_export_of_twincat_scope_keeps_the_time_base_of_each_channel() {
 
 #[test]
 fn bad_logs_get_clear_errors() {
-    let said = |name: &str, content: &[u8]| {
+    let message = |name: &str, content: &[u8]| {
         read(&file(name, content), None).err().map(|e| e.to_string()).unwrap_or_default()
     };
     for (name, content, wanted) in [
@@ -120,7 +120,7 @@ fn bad_logs_get_clear_errors() {
         ("cut.mat", b"MATLAB 5.0 MAT-file, cut", "not read as a MAT file"),
         ("foreign.mat", b"something else entirely, long enough", "neither"),
     ] {
-        let text = said(name, content);
+        let text = message(name, content);
         assert!(text.contains(wanted), "{name}: {text}");
         assert!(text.contains(name), "{name} is not named: {text}");
     }
@@ -151,7 +151,7 @@ fn lines_without_numbers_are_left_out_and_counted() {
     let read_log = log("odd.csv", text);
     assert_eq!(read_log.channels[0].values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
     assert_eq!(read_log.channels[1].range().unwrap().missing, 3);
-    let said = read_log.remarks.join("\n");
+    let message = read_log.remarks.join("\n");
     for wanted in [
         "1 comments, first line 5",
         "1 rows that hold words in place of numbers, first line 7",
@@ -160,7 +160,7 @@ fn lines_without_numbers_are_left_out_and_counted() {
         "1 rows are longer than the others, first line 9",
         "1 rows without a time, first line 11",
     ] {
-        assert!(said.contains(wanted), "{wanted}: {said}");
+        assert!(message.contains(wanted), "{wanted}: {message}");
     }
     // half a number at the end of a file that was cut off is none
     let cut = log("cut.csv", "time_s,stroke_mm,p_A_bar\n0,1,68\n0.01,2,69\n0.02,3,69\n0.03,48");
@@ -201,12 +201,12 @@ fn a_mapping_assigns_unguessable_columns_and_refuses_missing_ones() {
         ("[log.stroke]\ncolumn = \"a\"\ncolour = 2\n", "colour is not understood"),
         ("x = 1\n", "no table [log]"),
     ] {
-        let said = Mapping::parse("map.toml", text).unwrap_err().to_string();
-        assert!(said.contains(wanted), "{said}");
+        let message = Mapping::parse("map.toml", text).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     }
     let missing = Mapping::parse("map.toml", "[log]\nstroke = \"nowhere\"\n").unwrap();
-    let said = Signals::of(&log, &missing).unwrap_err().to_string();
-    assert!(said.contains("nowhere") && said.contains("kanal1"), "{said}");
+    let message = Signals::of(&log, &missing).unwrap_err().to_string();
+    assert!(message.contains("nowhere") && message.contains("kanal1"), "{message}");
 }
 
 #[test]
@@ -237,11 +237,11 @@ fn an_open_quote_loses_one_cell_and_an_endless_line_is_an_error() {
     let read_quote = log("quote.csv", &text);
     assert_eq!(read_quote.channels[0].values.len(), 100_000);
     assert_eq!(read_quote.channels[0].range().unwrap().missing, 1);
-    let said = read_quote.remarks.join("\n");
-    assert!(said.contains("1 cells that are no numbers, first line 4"), "{said}");
+    let message = read_quote.remarks.join("\n");
+    assert!(message.contains("1 cells that are no numbers, first line 4"), "{message}");
     let endless = file("endless.csv", "1,".repeat(20 << 20));
-    let said = read(&endless, None).err().map(|e| e.to_string()).unwrap();
-    assert!(said.contains("line 1 is longer than"), "{said}");
+    let message = read(&endless, None).err().map(|e| e.to_string()).unwrap();
+    assert!(message.contains("line 1 is longer than"), "{message}");
 }
 
 #[test]
@@ -330,16 +330,16 @@ fn file_formats_are_recognised_by_their_first_bytes() {
         (b"PK\x03\x04\x14\0\0\0", "save the table as CSV"),
     ] {
         std::fs::write(at("other.csv"), bytes).unwrap();
-        let said = read(&at("other.csv"), None).unwrap_err().to_string();
-        assert!(said.contains(wanted), "{said}");
+        let message = read(&at("other.csv"), None).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     }
     let mut level_5 = b"MATLAB 5.0 MAT-file".to_vec();
     level_5.resize(116, b' ');
     std::fs::write(at("level_5.dat"), level_5).unwrap();
-    let said = read(&at("level_5.dat"), None).unwrap_err().to_string();
-    assert!(said.contains("MAT"), "{said}");
-    let said = read(&PathBuf::from("/dev/null"), None).unwrap_err().to_string();
-    assert!(said.contains("is no regular file"), "{said}");
+    let message = read(&at("level_5.dat"), None).unwrap_err().to_string();
+    assert!(message.contains("MAT"), "{message}");
+    let message = read(&PathBuf::from("/dev/null"), None).unwrap_err().to_string();
+    assert!(message.contains("is no regular file"), "{message}");
 }
 
 #[test]
@@ -358,8 +358,8 @@ fn a_second_header_in_another_order_ends_the_table() {
     let pressure = log.channel("p_A_bar").unwrap();
     assert_eq!(pressure.values.len(), 50);
     assert!(pressure.values.iter().all(|p| *p >= 70.0));
-    let said = log.remarks.join("\n");
-    assert!(said.contains("line 52 is a head with the columns in another order"), "{said}");
+    let message = log.remarks.join("\n");
+    assert!(message.contains("line 52 is a head with the columns in another order"), "{message}");
 }
 
 #[test]
@@ -371,8 +371,8 @@ fn short_rows_directly_below_the_header_are_counted() {
     std::fs::write(&path, text).unwrap();
     let log = read(&path, None).unwrap();
     assert_eq!(log.channel("a").unwrap().values.len(), 50);
-    let said = log.remarks.join("\n");
-    assert!(said.contains("2 rows are shorter than the others, first line 2"), "{said}");
+    let message = log.remarks.join("\n");
+    assert!(message.contains("2 rows are shorter than the others, first line 2"), "{message}");
 }
 
 #[test]

@@ -43,12 +43,12 @@ fn suspected(log: &Measurement) -> String {
 #[test]
 fn signals_that_contradict_each_other_are_suspected_and_others_are_not() {
     assert_eq!(suspected(&log("whole.csv", |_, _| {})), "");
-    let said = suspected(&log("sign.csv", |_, row| row.motor = -row.motor));
-    assert!(said.starts_with("the motor turns against the piston"), "{said}");
-    let said = suspected(&log("valve.csv", |_, row| row.valve = 0));
-    assert!(said.contains("shut throughout, and the piston moves by 200 mm"), "{said}");
-    let said = suspected(&log("exchanged.csv", |_, row| row.pressures.swap(0, 1)));
-    assert_eq!(said, "p_A is near p_PB, and p_B near p_PA: are two columns exchanged?");
+    let message = suspected(&log("sign.csv", |_, row| row.motor = -row.motor));
+    assert!(message.starts_with("the motor turns against the piston"), "{message}");
+    let message = suspected(&log("valve.csv", |_, row| row.valve = 0));
+    assert!(message.contains("shut throughout, and the piston moves by 200 mm"), "{message}");
+    let message = suspected(&log("exchanged.csv", |_, row| row.pressures.swap(0, 1)));
+    assert_eq!(message, "p_A is near p_PB, and p_B near p_PA: are two columns exchanged?");
     // at rest nothing contradicts a sign or a valve
     let rest = log("rest.csv", |_, row| (row.position, row.motor, row.valve) = (50.0, -20.0, 0));
     assert_eq!(suspected(&rest), "");
@@ -63,12 +63,12 @@ fn impossible_single_samples_are_removed_and_others_kept() {
     };
     let mut log = log("outliers.csv", broken);
     let mapping = Mapping::default().completed(&log).unwrap();
-    let said = mapping.without_outliers(&mut log, STROKE, MOTOR_SPEED);
-    assert_eq!(said.len(), 2, "{said:?}");
+    let remarks = mapping.without_outliers(&mut log, STROKE, MOTOR_SPEED);
+    assert_eq!(remarks.len(), 2, "{remarks:?}");
     assert!(
-        said[0].contains("1 samples of \"x_mm\" cannot be x_cyl, the first -9999.0 at 1.000 s")
+        remarks[0].contains("1 samples of \"x_mm\" cannot be x_cyl, the first -9999.0 at 1.000 s")
     );
-    assert!(said[1].contains("2 samples of \"p_A_bar\""), "{said:?}");
+    assert!(remarks[1].contains("2 samples of \"p_A_bar\""), "{remarks:?}");
     assert!(mapping.suspicions(&log, STROKE, MOTOR_SPEED).is_empty());
     let signals = Signals::of(&log, &mapping).unwrap();
     assert_eq!(signals.get(Signal::PressureA).unwrap().values().len(), 598);
@@ -114,8 +114,8 @@ fn other_columns_that_may_be_a_signal_are_named() {
     let mapping = Mapping::default().completed(&log).unwrap();
     let taken = &mapping.entries[&Signal::Stroke].column;
     let other = log.channels.iter().find(|c| c.heading != *taken).unwrap();
-    let said = mapping.assumptions(&log).join("; ");
-    assert!(said.contains(&format!("\"{}\" may be x_cyl too", other.heading)), "{said}");
+    let message = mapping.assumptions(&log).join("; ");
+    assert!(message.contains(&format!("\"{}\" may be x_cyl too", other.heading)), "{message}");
 }
 
 /// The line to the tank has no pressure, and is right so.

@@ -28,7 +28,7 @@ fn two_seconds(log: &Measurement) -> f64 {
 
 #[test]
 fn an_unstated_unit_of_time_is_inferred_from_the_numbers() {
-    for (name, said, first, step) in [
+    for (name, expected, first, step) in [
         ("time", "taken as s", 0.0, 0.01),
         ("time", "taken as s", 1234.5, 0.01),
         ("time", "taken as ms", 0.0, 10.0),
@@ -43,8 +43,8 @@ fn an_unstated_unit_of_time_is_inferred_from_the_numbers() {
     ] {
         let text = table(name, |k| format!("{}", first + f64::from(k) * step));
         let log = log("unitless.csv", &text).unwrap();
-        assert!((two_seconds(&log) - 2.0).abs() < 1e-4, "{said}: {}", two_seconds(&log));
-        assert!(log.remarks.iter().any(|r| r.contains(said)), "{said}: {:?}", log.remarks);
+        assert!((two_seconds(&log) - 2.0).abs() < 1e-4, "{expected}: {}", two_seconds(&log));
+        assert!(log.remarks.iter().any(|r| r.contains(expected)), "{expected}: {:?}", log.remarks);
     }
 }
 
@@ -130,8 +130,8 @@ fn a_single_letter_does_not_identify_a_time_column() {
 fn ticks_of_100_ns_are_assumed_in_scope_exports_only() {
     let text =
         table("timestamp", |k| (133_000_000_000_000_000_u64 + u64::from(k) * 100_000).to_string());
-    let said = log("ticks_of_whom.csv", &text).unwrap_err().to_string();
-    assert!(said.contains("neither seconds nor"), "{said}");
+    let message = log("ticks_of_whom.csv", &text).unwrap_err().to_string();
+    assert!(message.contains("neither seconds nor"), "{message}");
     // a mapping may say so
     let mapping =
         Mapping::parse("m", "[log.time]\ncolumn = \"timestamp\"\nunit = \"ns\"\nscale = 100\n")
@@ -181,11 +181,14 @@ fn a_sample_time_applies_to_rows_of_text_files_only() {
     let bytes = [&[0x89][..], b"MCAP0\r\n"].concat();
     std::fs::write(&path, bytes).unwrap();
     let counted = TimeColumn { sample_time: Some(0.01), ..TimeColumn::default() };
-    let said = read(&path, Some(&counted)).unwrap_err().to_string();
-    assert!(said.contains("counts rows of text files; in an MCAP file name the time"), "{said}");
+    let message = read(&path, Some(&counted)).unwrap_err().to_string();
+    assert!(
+        message.contains("counts rows of text files; in an MCAP file name the time"),
+        "{message}"
+    );
     let nameless = TimeColumn { scale: 2.0, ..TimeColumn::default() };
-    let said = read(&path, Some(&nameless)).unwrap_err().to_string();
-    assert!(said.contains("name the column that is meant"), "{said}");
+    let message = read(&path, Some(&nameless)).unwrap_err().to_string();
+    assert!(message.contains("name the column that is meant"), "{message}");
 }
 
 #[test]
@@ -207,7 +210,7 @@ fn a_clock_is_mapped_and_shifted_by_a_mapping() {
         ("[log]\nsample_time_ms = -1\n", "sample_time_ms is the interval"),
         ("[log.time]\ncolour = 1\n", "colour is not understood"),
     ] {
-        let said = Mapping::parse("m", text).unwrap_err().to_string();
-        assert!(said.contains(wanted), "{said}");
+        let message = Mapping::parse("m", text).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     }
 }

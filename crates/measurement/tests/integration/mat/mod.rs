@@ -298,8 +298,11 @@ fn unresolvable_references_are_refused_with_the_reason() {
     // the name of the group with the targets of references
     let at = bytes.windows(6).position(|w| w == b"#refs#").unwrap();
     bytes[at + 1..at + 5].copy_from_slice(b"lost");
-    let said = refused("lost_7_3.mat", &bytes);
-    assert!(said.contains("ScopeData cannot be read") && said.contains("#refs#"), "{said}");
+    let message = refused("lost_7_3.mat", &bytes);
+    assert!(
+        message.contains("ScopeData cannot be read") && message.contains("#refs#"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -333,16 +336,19 @@ fn the_number_of_signals_is_bounded() {
 fn unread_variables_are_named_and_a_file_of_these_only_is_refused() {
     let [t, x, _] = course();
     let others = [cells("names", &["stroke", "p_A"]), object("out", "timeseries")];
-    let said = refused("cells.mat", &file(&[vec![row("t", &t)], others.to_vec()].concat()));
+    let message = refused("cells.mat", &file(&[vec![row("t", &t)], others.to_vec()].concat()));
     for wanted in ["cells.mat", "names is a cell array", "out is an object (timeseries)"] {
-        assert!(said.contains(wanted), "{said}");
+        assert!(message.contains(wanted), "{message}");
     }
     let some = file(&[vec![row("t", &t), row("stroke_mm", &x)], others.to_vec()].concat());
     let log = log("some.mat", &some);
     assert_eq!(log.headings(), "stroke_mm");
     assert!(log.remarks.iter().any(|r| r.contains("cell array")), "{:?}", log.remarks);
-    let said = refused("timeless.mat", &file(&[row("b", &x), row("a", &x)]));
-    assert!(said.contains("no variable is named as a time") && said.contains("b, a"), "{said}");
+    let message = refused("timeless.mat", &file(&[row("b", &x), row("a", &x)]));
+    assert!(
+        message.contains("no variable is named as a time") && message.contains("b, a"),
+        "{message}"
+    );
 }
 
 fn named(column: &str) -> TimeColumn {
@@ -358,8 +364,8 @@ fn the_time_variable_may_be_named() {
         let log = read(&path, Some(&named(name))).unwrap();
         assert_eq!(log.headings(), "s.stroke_mm");
     }
-    let said = read(&path, Some(&named("nowhere"))).unwrap_err().to_string();
-    assert!(said.contains("nowhere") && said.contains("s.clock"), "{said}");
+    let message = read(&path, Some(&named("nowhere"))).unwrap_err().to_string();
+    assert!(message.contains("nowhere") && message.contains("s.clock"), "{message}");
 }
 
 #[test]
@@ -375,6 +381,6 @@ fn a_truncated_file_is_read_up_to_its_end() {
 fn a_small_file_that_decompresses_to_much_is_refused() {
     let bomb = packed(&doubles("x", &[1 << 15, 1 << 10], &vec![0.0; 1 << 25]));
     assert!(bomb.len() < 400_000);
-    let said = refused("bomb.mat", &file(&[bomb]));
-    assert!(said.contains("up to 20 million numbers"), "{said}");
+    let message = refused("bomb.mat", &file(&[bomb]));
+    assert!(message.contains("up to 20 million numbers"), "{message}");
 }

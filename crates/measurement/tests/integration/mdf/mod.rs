@@ -149,18 +149,18 @@ fn another_channel_may_be_the_time() {
     let stroke = TimeColumn { unit: Unit::from_text("s").ok(), ..time("stroke") };
     let log = read(&recorded("plain.mf4"), Some(&stroke)).unwrap();
     assert_eq!(log.channel("p_A").unwrap().time[5], 55.0);
-    let said = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap_err().to_string();
-    assert!(said.contains("mm is a length, not a time"), "{said}");
-    let said = read(&recorded("plain.mf4"), Some(&time("nowhere"))).unwrap_err().to_string();
-    assert!(said.contains("nowhere") && said.contains("motor_speed"), "{said}");
+    let message = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap_err().to_string();
+    assert!(message.contains("mm is a length, not a time"), "{message}");
+    let message = read(&recorded("plain.mf4"), Some(&time("nowhere"))).unwrap_err().to_string();
+    assert!(message.contains("nowhere") && message.contains("motor_speed"), "{message}");
 }
 
 #[test]
 fn unreadable_files_and_channels_are_reported() {
-    let said = refused("old.mf4", &File::new("MDF     ", "3.30").finish(0, 0, 0));
-    assert!(said.contains("version 3.30"), "{said}");
-    let said = refused("empty.mf4", &File::new("MDF     ", "4.10").finish(0, 0, 0));
-    assert!(said.contains("no signal"), "{said}");
+    let message = refused("old.mf4", &File::new("MDF     ", "3.30").finish(0, 0, 0));
+    assert!(message.contains("version 3.30"), "{message}");
+    let message = refused("empty.mf4", &File::new("MDF     ", "4.10").finish(0, 0, 0));
+    assert!(message.contains("no signal"), "{message}");
     assert!(refused("head.mf4", b"MDF     4.10    ").contains("no block"));
     // without a time, and with an angle in its place
     for (kind, sync, wanted) in [(0, 0, "has no time"), (2, 2, "sampled at an angle")] {
@@ -171,8 +171,8 @@ fn unreadable_files_and_channels_are_reported() {
         file.bytes[sync_at] = sync;
         let group = file.group(0, channel, [0, 3, 9], false);
         let data = file.block("##DT", &[], &[0; 27]);
-        let said = refused("timeless.mf4", &file.finish(group, data, 0));
-        assert!(said.contains(wanted), "{said}");
+        let message = refused("timeless.mf4", &file.finish(group, data, 0));
+        assert!(message.contains(wanted), "{message}");
     }
     // what was whole is kept
     let whole = std::fs::read(recorded("list.mf4")).unwrap();
@@ -209,8 +209,8 @@ fn a_compressed_block_of_large_declared_size_is_refused() {
     packed.extend([3_u64 << 30, 8].iter().flat_map(|n| n.to_le_bytes()));
     packed.extend([0; 8]);
     let data = file.block("##DZ", &[], &packed);
-    let said = refused("bomb.mf4", &file.finish(group, data, 0));
-    assert!(said.contains("a packed block of 3072 MB"), "{said}");
+    let message = refused("bomb.mf4", &file.finish(group, data, 0));
+    assert!(message.contains("a packed block of 3072 MB"), "{message}");
 }
 
 /// A link of a channel is changed: 4 to its conversion, 6 to its unit.
@@ -262,9 +262,9 @@ fn a_mapped_time_applies_to_groups_that_contain_it() {
         assert!(says("the group of p_A has no channel \"clock\""), "{:?}", log.remarks);
         assert_eq!(says("taken as ms"), unit.is_empty() && time.unit.is_none());
     }
-    let said =
+    let message =
         read(&path("clock.mf4", &with_a_clock("bar")), Some(&clock)).unwrap_err().to_string();
-    assert!(said.contains("bar is a pressure, not a time"), "{said}");
+    assert!(message.contains("bar is a pressure, not a time"), "{message}");
     // of the groups' own times a scale is for all
     let scaled = TimeColumn { scale: 0.5, ..TimeColumn::default() };
     let log = read(&path("clock.mf4", &with_a_clock("")), Some(&scaled)).unwrap();
@@ -327,8 +327,8 @@ fn an_error_in_one_part_does_not_affect_others() {
         assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
     }
     let by_columns = three(|file, _| Some(file.block("##LD", &[0, 0], &[0; 16])));
-    let said = refused("columns.mf4", &by_columns);
-    assert!(said.contains("stored by columns") && !said.contains("damaged"), "{said}");
+    let message = refused("columns.mf4", &by_columns);
+    assert!(message.contains("stored by columns") && !message.contains("damaged"), "{message}");
     let nested = three(|file, stroke| {
         let parts = |inner, _| {
             let outer = file.channel(0, "a", "", [0, 0, 8, 8]);
@@ -339,8 +339,8 @@ fn an_error_in_one_part_does_not_affect_others() {
         link(file, stroke, 1, parts);
         None
     });
-    let said = refused("nested.mf4", &nested);
-    assert!(said.contains("nested more than 8 deep"), "{said}");
+    let message = refused("nested.mf4", &nested);
+    assert!(message.contains("nested more than 8 deep"), "{message}");
     // as many links as leave no room for the address of what follows them
     let many = three(|file, _| {
         let data = file.block("##DT", &[], &[0; 27]);

@@ -42,20 +42,22 @@ fn columns_of_numbers_are_read_with_their_time() {
 
 #[test]
 fn a_file_without_a_time_is_refused_unless_one_is_named() {
-    let said = read(&recorded("timeless.parquet"), None).unwrap_err().to_string();
+    let message = read(&recorded("timeless.parquet"), None).unwrap_err().to_string();
     assert!(
-        said.contains("no column is a timestamp, a time of the day or named as a time")
-            && said.contains("numbers are: a"),
-        "{said}"
+        message.contains("no column is a timestamp, a time of the day or named as a time")
+            && message.contains("numbers are: a"),
+        "{message}"
     );
     let time = |column: &str| TimeColumn { column: Some(column.into()), ..TimeColumn::default() };
-    let said = read(&recorded("seconds.parquet"), Some(&time("stroke"))).unwrap_err().to_string();
-    assert!(said.contains("mm is a length, not a time"), "{said}");
+    let message =
+        read(&recorded("seconds.parquet"), Some(&time("stroke"))).unwrap_err().to_string();
+    assert!(message.contains("mm is a length, not a time"), "{message}");
     let stroke = TimeColumn { unit: Unit::from_text("s").ok(), ..time("stroke") };
     let log = read(&recorded("seconds.parquet"), Some(&stroke)).unwrap();
     assert_eq!(values(&log, "t")[5], 0.05);
-    let said = read(&recorded("seconds.parquet"), Some(&time("nowhere"))).unwrap_err().to_string();
-    assert!(said.contains("nowhere"), "{said}");
+    let message =
+        read(&recorded("seconds.parquet"), Some(&time("nowhere"))).unwrap_err().to_string();
+    assert!(message.contains("nowhere"), "{message}");
 }
 
 /// A file of one group of rows, written here; a cell may be missing where its column is optional.
