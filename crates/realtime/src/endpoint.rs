@@ -338,8 +338,8 @@ mod tests {
         ];
         for (bytes, named) in cases {
             assert_eq!(take(&mut endpoint, &bytes, port(4000)), Received::Nothing);
-            let said = endpoint.difference().unwrap().to_string();
-            assert!(said.contains(named), "{said}");
+            let message = endpoint.difference().unwrap().to_string();
+            assert!(message.contains(named), "{message}");
             assert_eq!(endpoint.machine(), None);
         }
         let mut newer = hello(|_| ());

@@ -214,14 +214,14 @@ mod tests {
             });
             found.unwrap_err()
         };
-        let said = key("transition_pressure_bar", "700.0");
-        assert!(said.contains("700.0") && said.contains("from 8 to 65"), "{said}");
+        let message = key("transition_pressure_bar", "700.0");
+        assert!(message.contains("700.0") && message.contains("from 8 to 65"), "{message}");
         assert!(key("drive_lag_ms", "\"slow\"").contains("\"slow\""));
         assert!(key("flow_transition_correlation", "1.5").contains("from -1 to 1"));
         assert!(key("unknown_flow_deviation_rpm", "null").contains("missing"));
         assert!(key("crane_digest", "\"0\"").contains("another crane file"));
-        let said = key("unknown_flow_rpm", "900.0");
-        assert!(said.contains("900.0 rpm off the crane file"), "{said}");
+        let message = key("unknown_flow_rpm", "900.0");
+        assert!(message.contains("900.0 rpm off the crane file"), "{message}");
         assert!(read_back(|_| "{".into()).unwrap_err().contains("run --parameters"));
     }
 

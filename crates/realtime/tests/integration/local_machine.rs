@@ -431,6 +431,9 @@ fn a_port_in_use_is_reported() {
     let port = taken.local_addr().unwrap().port();
     let error = BusTask::open(port, PERIOD).unwrap_err();
     assert!(matches!(error, BusError::Port { .. }));
-    let said = error.to_string();
-    assert!(said.contains(&port.to_string()) && said.contains("another program"), "{said}");
+    let message = error.to_string();
+    assert!(
+        message.contains(&port.to_string()) && message.contains("another program"),
+        "{message}"
+    );
 }

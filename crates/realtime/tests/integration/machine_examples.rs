@@ -155,9 +155,11 @@ impl Rig {
 fn end_of(machine: Child) -> [f64; 4] {
     let output = machine.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", output.status);
-    let said = String::from_utf8(output.stdout).unwrap();
-    let held =
-        said.lines().find(|line| line.starts_with("held")).unwrap_or_else(|| panic!("{said}"));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let held = printed
+        .lines()
+        .find(|line| line.starts_with("held"))
+        .unwrap_or_else(|| panic!("{printed}"));
     let numbers: Vec<f64> = held.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
     numbers.try_into().unwrap()
 }
