@@ -26,19 +26,19 @@ fn wanted() -> [f64; Outputs::NAMES.len()] {
 
 fn run(command: &mut Command) -> String {
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{command:?}: {} {said}", output.status);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {} {message}", output.status);
     String::from_utf8(output.stdout).unwrap()
 }
 
-fn agree(said: &str) {
+fn agree(printed: &str) {
     let found: Vec<f64> =
-        said.lines().map(|line| line.split_once(' ').unwrap().1.parse().unwrap()).collect();
+        printed.lines().map(|line| line.split_once(' ').unwrap().1.parse().unwrap()).collect();
     assert_eq!(found, wanted());
 }
 
 #[test]
-fn a_program_in_c_moves_cranes_as_rust_does_and_is_told_what_it_did_wrong() {
+fn a_c_program_moves_cranes_as_rust_does_and_gets_error_messages() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live");
     run(Command::new("cc")
@@ -75,7 +75,7 @@ fn the_example_in_python_prints_numbers() {
     std::os::unix::fs::symlink(built().join(library), place.join("target/release").join(library))
         .unwrap();
     std::fs::write(place.join("my-crane.toml"), hydroboom_description::UIA_SINGLE_BOOM).unwrap();
-    let said = run(Command::new("python3").arg("-c").arg(script).current_dir(&place));
+    let printed = run(Command::new("python3").arg("-c").arg(script).current_dir(&place));
     let mut description = Description::uia_single_boom().unwrap();
     description.set("payload.mass_kg=250").unwrap();
     let n = &description.numbers;
@@ -92,7 +92,7 @@ fn the_example_in_python_prints_numbers() {
             seen.pressure_a * 1e-5
         ));
     }
-    let lines: Vec<&str> = said.lines().collect();
+    let lines: Vec<&str> = printed.lines().collect();
     assert_eq!(lines[..5], wanted);
     let all: Vec<&str> = lines[5..].iter().map(|line| line.split_once(' ').unwrap().0).collect();
     assert_eq!(all[..Outputs::NAMES.len()], Outputs::NAMES);

@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_is_absent_and_what_cannot_be_is_out_of_range() {
+    fn nan_is_absent_and_an_impossible_value_is_out_of_range() {
         let signals = AxisSignals {
             stroke: 0.7,
             pressure_a: f64::NAN,
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rod_side_counts_by_its_area() {
+    fn the_rod_side_pressure_is_weighted_by_its_area() {
         let signals = AxisSignals { pressure_a: 70e5, pressure_b: 4e5, ..Default::default() };
         assert_eq!(signals.load_pressure(0.5), 68e5);
     }

@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strategies_are_found_by_their_names_and_a_replaced_one_names_its_successor() {
+    fn strategy_names_are_parsed_and_replaced_ones_are_refused() {
         for strategy in Strategy::ALL {
             assert_eq!(strategy.name().parse(), Ok(strategy));
         }

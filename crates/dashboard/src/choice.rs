@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_course_is_one_that_is_offered() {
+    fn only_offered_courses_are_accepted() {
         let offered = Offered { scenarios: vec!["reversal".into()], speeds_mm_s: 0.1..=240.0 };
         let course =
             |speed, scenario: Option<&str>| offered.course(speed, scenario.map(Into::into));

@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_known_is_understood() {
+    fn only_known_messages_are_parsed() {
         let start =
             r#"{"command":"start","token":"t","speed_mm_s":25,"strategy":"benchmark-closed-loop"}"#;
         assert!(matches!(Message::parse(start), Ok(Message::Start { speed_mm_s: Some(_), .. })));

@@ -86,7 +86,7 @@ mod tests {
     use hydroboom_control::strategy::Strategy;
 
     #[test]
-    fn one_viewer_operates_at_a_time_and_its_absence_is_noticed() {
+    fn only_one_viewer_has_the_role_and_its_loss_is_detected() {
         let desk = Arc::new(Desk::new(Strategy::BenchmarkClosedLoop));
         let role = OperatorRole::new(Arc::clone(&desk));
         assert!(!desk.is_attended());

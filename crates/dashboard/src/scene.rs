@@ -97,7 +97,7 @@ mod tests {
     use crate::choice::Course;
 
     #[test]
-    fn the_crane_is_drawn_where_its_piston_is() {
+    fn the_crane_is_drawn_at_its_piston_position() {
         let model = Description::uia_single_boom().unwrap();
         let setup = Setup {
             model: &model,

@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn other_pages_and_other_names_are_refused() {
+    fn foreign_origins_and_host_names_are_refused() {
         let bound: SocketAddr = "127.0.0.1:8140".parse().unwrap();
         let is = |pairs: &[_]| is_ours(&headers(pairs), &bound).is_ok();
         assert!(is(&[(HOST, "127.0.0.1:8140")]));

@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_token_is_only_itself() {
+    fn a_token_matches_itself_only() {
         let (one, other) = (Token::new().unwrap(), Token::new().unwrap());
         assert!(one.is(one.text()) && !one.is(other.text()));
         assert!(!one.is("") && !one.is(&one.text()[1..]) && !one.is(&format!("{}0", one.text())));

@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn viewers_without_the_token_leave_places_free_and_a_place_is_given_back() {
+    fn places_are_reserved_for_the_token_and_freed_on_leaving() {
         let all = viewers(4, 1);
         let mut some: Vec<_> = (0..10).map(|_| all.reserve(false, None)).collect();
         assert_eq!(some.iter().flatten().count(), 3);
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn who_presents_the_token_gets_the_place_of_who_has_been_there_longest_without_the_role() {
+    fn a_viewer_with_the_token_replaces_the_oldest_without_the_role() {
         let all = viewers(4, 2);
         let operator = all.reserve(true, None).unwrap();
         let first = all.reserve(false, None).unwrap();

@@ -134,7 +134,7 @@ fn record() -> Record {
 }
 
 #[test]
-fn a_request_that_does_not_come_to_its_end_is_closed() {
+fn an_incomplete_request_is_closed() {
     let served = Served::new();
     let mut silent = served.connect();
     let mut half = served.connect();
@@ -161,7 +161,7 @@ fn a_request_that_does_not_come_to_its_end_is_closed() {
 }
 
 #[test]
-fn of_fifty_who_come_at_once_as_many_get_in_as_there_are_places() {
+fn of_fifty_simultaneous_viewers_as_many_as_places_are_admitted() {
     for (has_token, expected) in [(false, PLACES - WITH_TOKEN), (true, PLACES)] {
         let served = Served::new();
         let (host, token) = (&served.host, has_token.then_some(served.token.as_str()));
@@ -208,7 +208,7 @@ fn is_open(viewer: &mut Viewer) -> bool {
 }
 
 #[test]
-fn a_full_house_makes_room_for_the_token_and_never_at_the_operators_cost() {
+fn a_full_server_admits_the_token_and_never_drops_the_operator() {
     let served = Served::new();
     // the operator is the oldest viewer
     let mut operator = served.viewer(true).unwrap();
@@ -240,7 +240,7 @@ fn a_full_house_makes_room_for_the_token_and_never_at_the_operators_cost() {
 }
 
 #[test]
-fn a_viewer_that_takes_no_frames_can_still_stop_the_machine() {
+fn a_viewer_that_reads_no_frames_can_still_stop_the_machine() {
     let mut served = Served::new();
     let mut slow = served.viewer(true).unwrap();
     let mut good = served.viewer(true).unwrap();
@@ -260,7 +260,7 @@ fn a_viewer_that_takes_no_frames_can_still_stop_the_machine() {
 }
 
 #[test]
-fn a_viewer_that_answers_no_ping_is_gone_and_one_that_does_is_not() {
+fn only_a_viewer_that_answers_no_ping_is_disconnected() {
     let served = Served::new();
     let mut lively = served.viewer(false).unwrap();
     let mut dead = served.viewer(true).unwrap();

@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn the_place_stays_the_place() {
+    fn the_excerpt_marks_the_original_text_and_line() {
         let text = "a = 1\nlönger = 2 # é\n\nlast = 3\n";
         for word in ["a", "1", "2", "last", "3", "lönger"] {
             let at = text.find(word).unwrap();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_line_is_cut_about_the_place() {
+    fn a_long_line_is_cut_around_the_marked_text() {
         let text = format!("a = 1\nb = [{}x{}]\n", "9, ".repeat(50_000), "9, ".repeat(50_000));
         let at = text.find('x').unwrap();
         let found = excerpt("f", &text, at..at + 1);
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn control_characters_are_shown_as_pictures() {
+    fn control_characters_are_shown_as_unicode_control_pictures() {
         let text = "a = \"\x1b[2J\u{9b}\x7f\"\n";
         let (shown, ..) = marked(text, 4..text.len() - 1);
         assert_eq!(shown, "\"\u{241b}[2J\u{fffd}\u{2421}\"");

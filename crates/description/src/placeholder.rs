@@ -36,7 +36,7 @@ mod tests {
     use crate::{Description, UIA_SINGLE_BOOM};
 
     #[test]
-    fn what_was_filled_in_is_a_placeholder_until_it_is_touched() {
+    fn a_default_value_is_a_placeholder_until_it_is_edited() {
         let text = as_placeholders(UIA_SINGLE_BOOM, "the paper's crane");
         let provenance = |text: &str| {
             let crane = Description::parse("new.toml", text).unwrap();

@@ -112,7 +112,7 @@ mod tests {
     use crate::schema::KEYS;
 
     #[test]
-    fn every_spread_is_of_a_key_and_in_order() {
+    fn every_default_spread_has_a_key_and_ordered_bounds() {
         for spread in SPREADS {
             assert!(KEYS.iter().any(|key| key.path() == spread.path), "{}", spread.path);
             let [low, high] = spread.width.around(10.0);

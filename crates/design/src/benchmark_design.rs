@@ -154,7 +154,7 @@ mod tests {
     /// The paper tuned its benchmark on its crane. The method comes to about the same: no other controller than the
     /// paper's.
     #[test]
-    fn the_method_gives_the_papers_crane_about_the_papers_gains() {
+    fn designed_gains_of_the_papers_crane_are_near_the_papers_gains() {
         let paper = Description::uia_single_boom().unwrap();
         let own = worst_margins(&paper, [307.0; 2]).unwrap();
         assert!(own.stable && (1.6..1.9).contains(&own.sensitivity_peak), "{own:?}");
@@ -175,7 +175,7 @@ mod tests {
     /// of the search. Between these, soft oil makes the sensitivity larger than at the ends of the range.
     /// More integral gain violates the margins, or the damping that limits it.
     #[test]
-    fn gains_keep_the_stated_margins_over_the_payload_range_and_no_more() {
+    fn gains_meet_the_margins_over_the_payload_range_without_reserve() {
         for (set, payload) in [
             ("payload.mass_kg=60", [20.0, 90.0]),
             ("cylinder.piston_mm=100", [250.0, 370.0]),
@@ -212,7 +212,7 @@ mod tests {
     /// Gains that keep the margins with all payloads keep them with a part of these, which allows at least
     /// as much integral gain.
     #[test]
-    fn fewer_payloads_allow_no_less_integral_gain() {
+    fn a_smaller_payload_range_allows_no_lower_integral_gain() {
         let mut crane = Description::uia_single_boom().unwrap();
         crane.set("payload.mass_kg=60").unwrap();
         let of = |range| benchmark_design(&crane, range).unwrap().gains.integral_per_s2;
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_gains_keep_is_refused() {
+    fn margins_that_no_gains_meet_are_refused() {
         let mut paper = Description::uia_single_boom().unwrap();
         paper.set("benchmark_design.sensitivity_peak=1.1").unwrap();
         // seconds of delay

@@ -118,7 +118,7 @@ mod tests {
     /// A third of the payload makes the oil soft: with the paper's gains the benchmark is unstable around it, and an
     /// unstable loop has no margins.
     #[test]
-    fn an_unstable_loop_is_told_so_in_place_of_its_margins() {
+    fn an_unstable_loop_is_reported_without_margins() {
         let mut light = Description::uia_single_boom().unwrap();
         light.set("payload.mass_kg=100").unwrap();
         let report = design_report(&light, 0.25).unwrap();

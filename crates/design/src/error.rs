@@ -63,11 +63,11 @@ mod tests {
     #[test]
     fn a_search_that_has_not_converged_names_its_payloads_and_a_remedy() {
         let error = DesignError::NotConverged { exchanges: 12, low_kg: 20.0, high_kg: 90.0 };
-        let said = error.to_string();
+        let message = error.to_string();
         for part in
             ["payloads of 20 to 90 kg", "not converged", "12 worst cases", "a narrower range"]
         {
-            assert!(said.contains(part), "{part}: {said}");
+            assert!(message.contains(part), "{part}: {message}");
         }
     }
 }

@@ -89,7 +89,7 @@ mod tests {
 
     /// By LU decomposition of s − A itself, for a crane whose pressures and angles differ by ten orders of magnitude.
     #[test]
-    fn it_is_that_of_the_matrix_itself() {
+    fn the_frequency_response_equals_the_direct_solution() {
         let crane = LinearisedPlant::new(&Description::uia_virtual().unwrap(), 0.3).unwrap();
         let order = crane.a.nrows();
         let response = FrequencyResponse::new(&crane.a, &crane.b, &crane.outputs);

@@ -178,7 +178,7 @@ mod tests {
 
     /// With viscous friction that overdamps the load mode, mass and spring are those without friction.
     #[test]
-    fn an_overdamped_load_has_a_spring_too() {
+    fn the_spring_of_an_overdamped_load_is_fitted_too() {
         let mut crane = Description::uia_single_boom().unwrap();
         let of = |crane: &Description| LinearisedPlant::new(crane, 0.25).unwrap();
         let (spring, load) = hydraulic_spring(&of(&crane)).unwrap();
@@ -195,7 +195,7 @@ mod tests {
     /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike
     /// change nothing.
     #[test]
-    fn bristles_that_slide_change_nothing() {
+    fn sliding_bristles_do_not_change_the_spring() {
         let [one, other] = ["stribeck", "lugre"].map(|law| {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(&format!("friction.law={law}")).unwrap();

@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shape_of_two_equal_pendulums_on_a_spring_is_in_step_or_against() {
+    fn coupled_pendulums_have_an_in_phase_and_an_antiphase_mode() {
         // x1'' = -x1 - c (x1 - x2), x2'' = -x2 - c (x2 - x1)
         let c = 0.3;
         #[rustfmt::skip]

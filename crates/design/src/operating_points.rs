@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_point_is_itself_and_between_two_is_their_mean() {
+    fn operating_points_are_interpolated_linearly() {
         let points = OperatingPoints::new(&Description::uia_single_boom().unwrap()).unwrap();
         assert_eq!(points.at(points.position(3)).equilibrium, points.points[3].equilibrium);
         let between = points.at(0.5 * (points.position(3) + points.position(4)));

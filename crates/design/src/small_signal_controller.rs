@@ -187,7 +187,7 @@ mod tests {
 
     /// The controller itself has small sines as input, until the transient has decayed.
     #[test]
-    fn it_answers_sines_as_the_controller_does() {
+    fn the_small_signal_response_to_sines_is_the_controllers() {
         let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();
         let (position, payload, rod_side_term) = (0.25, 250.0, 1.5e5);
         let linear =

@@ -341,7 +341,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_third_of_the_payload_makes_the_published_gains_unstable_and_leaves_the_regulator_stable() {
+    fn at_a_third_of_the_payload_only_the_published_gains_are_unstable() {
         let paper = Description::uia_single_boom().unwrap();
         let mut light = paper.clone();
         light.set("payload.mass_kg=100").unwrap();
@@ -362,7 +362,7 @@ mod tests {
     /// The law counts on the lags of drive and fieldbus, and leads too much where there are none: a payload at 9 m
     /// leaves it no margin for that. The run on the ideal plant swings its motor at 22 Hz.
     #[test]
-    fn a_loop_is_judged_with_the_equipment_that_it_is_closed_through() {
+    fn stability_is_judged_with_the_equipment_in_the_loop() {
         let paper = Description::uia_single_boom().unwrap();
         let mut far = paper.clone();
         far.set("payload.x_mm=9000").unwrap();

@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn a_survey_without_noise_recovers_the_numbers() {
+    fn a_survey_without_noise_recovers_the_parameters() {
         let wanted = TipParameters { bending: 1.2, base: 0.1e-6, stroke_offset: 4e-4 };
         let mut exact = crane();
         exact.numbers.tip_remainder = 0.0;
@@ -352,7 +352,7 @@ mod tests {
 
     /// A survey of a millimetre determines the sum of bending and base, not each.
     #[test]
-    fn bending_and_base_are_told_together() {
+    fn a_survey_determines_the_sum_of_bending_and_base_only() {
         let as_stated = tip_of(&crane()).unwrap();
         let fit = survey(&as_stated.parameters, 1e-3).fit(&crane()).unwrap();
         let [.., (_, correlation), _, _] = fit.keys();

@@ -125,7 +125,7 @@ mod tests {
 
     /// An integrator whose loop has its crossover above the contour's end: the contour has not closed there.
     #[test]
-    fn turns_of_a_loop_with_gain_at_the_contours_end_are_no_count() {
+    fn a_loop_with_gain_at_the_end_of_the_contour_gives_no_pole_count() {
         let row = vec![1.0];
         let (a, b) = (DMatrix::zeros(1, 1), DMatrix::from_element(1, 1, 1.0));
         let rows = [row.clone(), row.clone(), row];
@@ -152,7 +152,7 @@ mod tests {
     /// without it the first grows, with it the second. Counted as closed loop less open loop they would make up for
     /// each other.
     #[test]
-    fn a_mode_that_feedback_stabilises_does_not_make_up_for_one_that_it_destabilises() {
+    fn a_stabilised_mode_does_not_cancel_a_destabilised_one() {
         let (first, second, damping) = (TAU, 2.0 * TAU, 0.2);
         #[rustfmt::skip]
         let a = DMatrix::from_row_slice(4, 4, &[

@@ -109,7 +109,7 @@ fn the_filter_is_consistent_on_its_own_model() {
 
 /// The same where friction, pump, equivalent mass and sensor lag of the machine are not those of the model: the error covariance says so.
 #[test]
-fn the_error_covariance_covers_parameters_that_are_off() {
+fn the_error_covariance_covers_parameter_errors() {
     let (estimator, _) = crane(0);
     let shares = shares_within_two_deviations(&estimator.filter);
     assert!(shares.iter().all(|share| *share > 0.85), "{shares:?}");
@@ -199,7 +199,7 @@ fn shares_within_two_deviations(filter: &ExtendedKalmanFilter<f64>) -> [f64; STA
 
 /// Signals that are not good change nothing, whatever they are; the estimates stay finite and go on by the model.
 #[test]
-fn a_lost_signal_is_left_out() {
+fn invalid_signals_do_not_update_the_estimates() {
     let (estimator, _) = crane(1);
     let model = estimator.filter.model;
     let z = at_rest(&model, 0.2, 250.0);
@@ -241,7 +241,7 @@ fn smallest_eigenvalue<const N: usize>(p: &[[f64; N]; N]) -> f64 {
 /// Parameters that were retained with a far smaller variance than the present one: both covariances stay positive semidefinite, and neither falls below what was
 /// retained while they are frozen.
 #[test]
-fn restored_parameters_leave_covariances_and_freezing_leaves_variances() {
+fn covariances_stay_valid_when_parameters_are_restored_or_frozen() {
     let (estimator, _) = crane(1);
     let model = estimator.filter.model;
     let mut z = at_rest(&model, 0.2, 250.0);
@@ -339,14 +339,14 @@ fn the_law_follows_the_reference_on_the_reduced_model() {
 
 /// What a crane file may have as a delay of the fieldbus is what the estimator compensates.
 #[test]
-fn every_delay_that_a_crane_file_may_have_is_compensated() {
+fn every_permitted_fieldbus_delay_is_compensated() {
     let key = KEYS.iter().find(|key| key.path() == "fieldbus.delay_cycles").unwrap();
     assert_eq!(key.high, LARGEST_DELAY as f64);
 }
 
 /// No number makes the law or the estimator yield what is no number, or more than the motor's speed.
 #[test]
-fn commands_stay_within_the_motor_whatever_is_measured() {
+fn commands_stay_within_motor_limits_for_any_measurement() {
     let (estimator, law) = crane(1);
     let model = estimator.filter.model;
     let z = at_rest(&model, 0.2, 250.0);
@@ -378,7 +378,7 @@ fn commands_stay_within_the_motor_whatever_is_measured() {
 
 /// One Riccati step a period comes to the settled regulator within two seconds, from nothing; so no period needs more than one.
 #[test]
-fn one_riccati_step_a_period_settles() {
+fn one_riccati_step_per_period_converges() {
     let (estimator, law) = crane(1);
     let model = estimator.filter.model;
     for payload in [0.0, 100.0, 307.0] {
@@ -398,7 +398,7 @@ fn one_riccati_step_a_period_settles() {
 
 /// A load that is taken off at once throws the piston up by more than feedback may command: with the rollout it is back sooner.
 #[test]
-fn the_rollout_brings_a_thrown_piston_back_sooner() {
+fn the_rollout_returns_a_displaced_piston_sooner() {
     let squares = |improvement: f64| {
         let (estimator, mut law) = crane(1);
         law.rollout.improvement = improvement;
@@ -436,7 +436,7 @@ fn the_rollout_brings_a_thrown_piston_back_sooner() {
 
 /// A piston that is found 60 mm from its reference: the governor leaves to feedback no more than its largest error, and the reference returns no faster than its velocity.
 #[test]
-fn the_governor_moves_the_reference_to_a_piston_that_is_far_off() {
+fn the_governor_moves_the_reference_towards_a_distant_piston() {
     let (estimator, law) = crane(0);
     let model = estimator.filter.model;
     let mut z = at_rest(&model, 0.31, 250.0);

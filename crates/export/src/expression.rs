@@ -235,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_operations_are_one_and_constants_are_folded() {
+    fn common_subexpressions_are_merged_and_constants_folded() {
         let (graph, (a, b)) = record(|| {
             let (x, y) = (Expression::input(), Expression::input());
             let two = Expression::lit(1.0) + Expression::lit(1.0);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_a_bit_is_kept() {
+    fn operations_that_affect_rounding_are_not_folded() {
         let (graph, [plus, fused]) = record(|| {
             let x = Expression::input();
             // −0 + 0 is 0; a fused product rounds once
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_within_another_does_not_disturb_it() {
+    fn a_nested_recording_does_not_change_the_outer_one() {
         let (outer, _) = record(|| {
             let x = Expression::input();
             let (inner, _) = record(|| Expression::input() + Expression::one());

@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_from_parameters_is_worked_out_once_and_the_rest_at_each_call() {
+    fn parameter_expressions_are_computed_once_and_others_at_each_call() {
         let (block, [square, product, sum]) = block(true);
         let plan = Plan::of(&block).unwrap();
         assert_eq!((plan.preparing, plan.prepared), (vec![square], vec![square]));
@@ -155,8 +155,8 @@ mod tests {
     }
 
     #[test]
-    fn a_result_of_what_the_block_does_not_have_is_refused_by_name() {
-        let said = Plan::of(&block(false).0).unwrap_err().to_string();
-        assert!(said.contains("made: y depends"), "{said}");
+    fn a_result_that_depends_on_a_foreign_input_is_refused_by_name() {
+        let message = Plan::of(&block(false).0).unwrap_err().to_string();
+        assert!(message.contains("made: y depends"), "{message}");
     }
 }

@@ -659,7 +659,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bus_can_be_given_to_a_task_of_its_own() {
+    fn a_bus_can_be_moved_to_another_thread() {
         fn is_send<T: Send>(_: Option<T>) {}
         is_send::<Bus<Nowhere>>(None);
     }

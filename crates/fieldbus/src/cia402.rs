@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_statusword_tells_the_state_whatever_its_other_bits_are() {
+    fn the_state_is_decoded_from_any_statusword() {
         use DriveState::{
             Fault, FaultReactionActive, NotReady, OperationEnabled, QuickStopActive,
             ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn,
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn no_controlword_of_ours_resets_a_fault_or_enables_what_is_not_wanted() {
+    fn no_controlword_resets_a_fault_or_enables_without_request() {
         let states = (0..=u16::MAX).map(DriveState::of);
         for (state, wanted) in states.flat_map(|state| [(state, false), (state, true)]) {
             let word = state.controlword(wanted);

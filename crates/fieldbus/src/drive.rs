@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn an_enabled_drive_that_does_not_follow_its_target_is_found_whichever_bit_tells_it() {
+    fn each_sign_of_an_ignored_target_of_an_enabled_drive_is_detected() {
         // enabled; remote (9) or following (12) missing; another mode
         for (word, mode) in [(0x1037, 9), (0x0237, 9), (0x1237, 8)] {
             let mut drive = drive();
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_is_nought_until_operation_is_enabled() {
+    fn the_target_is_zero_until_operation_is_enabled() {
         let mut outputs = [0; 7];
         for (word, is_enabled) in
             [(0x0250, false), (0x0231, false), (0x0233, false), (0x1237, true)]
@@ -183,8 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_that_is_told_to_switch_off_does_so_without_a_fault_and_brakes_before_only_if_enabled()
-     {
+    fn switching_off_is_no_fault_and_brakes_an_enabled_drive_only() {
         let mut outputs = [0; 7];
         let mut drive = drive();
         drive.see(&inputs(0x1237, 9));

@@ -190,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn losses_are_forgotten_after_the_window_and_no_sooner() {
+    fn lost_frames_count_until_the_window_has_passed() {
         let mut window = LossWindow::new(2, 10);
         let mut at = |lost: &[usize], end: usize| (0..end).any(|k| window.take(lost.contains(&k)));
         assert!(at(&[0, 4, 9], 10), "three in ten");
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_the_same_after_it_was_handed_over() {
+    fn a_fault_is_unchanged_by_its_encoding_in_a_word() {
         let all = (1..10_u64).map(|kind| Fault::of_word(kind << 32 | 3 << 16 | 0x1b));
         for fault in all {
             let fault = fault.unwrap();

@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_frames_are_captured_in_their_order_and_none_after_it_was_frozen() {
+    fn the_ring_keeps_the_newest_frames_in_order_until_frozen() {
         let mut ring = FrameRing::new(3, 64);
         for k in 0..5_u8 {
             ring.keep(1000 * u64::from(k), &vec![k; 60 + 2 * usize::from(k)], k % 2 == 0);

@@ -210,7 +210,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_default_route_is_found_in_the_kernels_tables_and_other_routes_are_none() {
+    fn only_the_default_route_of_the_kernels_tables_is_found() {
         let four = "Iface\tDestination\tGateway \tFlags\tRefCnt\tUse\tMetric\tMask\t\tMTU\tWindow\tIRTT\n\
                     eth0\t00000000\t010011AC\t0003\t0\t0\t0\t00000000\t0\t0\t0\n\
                     eth1\t000011AC\t00000000\t0001\t0\t0\t0\t00FFFFFF\t0\t0\t0\n";
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_bus_is_refused_with_what_to_do() {
+    fn an_unsuitable_interface_is_refused_with_a_remedy() {
         let refused = |name: &str| check(name).expect_err("it is refused").to_string();
         let unknown = refused("nowhere0");
         assert!(unknown.contains("nowhere0") && unknown.contains("lo"), "{unknown}");

@@ -271,7 +271,7 @@ mod tests {
     const BUS: BusSettings = BusSettings::OF_TESTS;
 
     #[test]
-    fn what_is_handed_over_arrives_as_it_was_and_a_command_is_taken_once() {
+    fn measurements_arrive_unchanged_and_a_command_is_taken_once() {
         let (mut machine, mut bus) = hand_over(&BUS);
         assert_eq!((machine.read(), bus.take_command()), (None, None));
         let signals = AxisSignals::from_array([0.3, 1e5, 2e5, -3e5, 4e5, 5e5, -12.5]);
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_is_taken_up_once_and_the_state_tells_the_fault() {
+    fn a_reset_is_taken_once_and_the_state_reports_the_fault() {
         let (machine, mut bus) = hand_over(&BUS);
         assert!(!bus.take_reset());
         machine.reset_by_a_person();
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn control_is_released_in_the_phase_of_sync0_and_by_less_than_half_a_period_off_what_is_due() {
+    fn control_is_released_in_phase_with_sync0_within_half_a_period() {
         let (machine, bus) = hand_over(&BUS);
         assert_eq!(machine.release(123_456_789), 123_456_789, "nothing is known of SYNC0");
         let sync0 = 77_000_250_000;

@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn sync0_is_followed_whatever_frames_are_late_by() {
+    fn sync0_is_followed_despite_late_frames() {
         let mut pace = Pace::new(&BUS);
         let mut time = 10_000_000;
         for cycle in 0..2000 {
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_is_sent_as_sync0_comes_belongs_to_one_cycle_or_the_other() {
+    fn a_frame_sent_at_sync0_belongs_to_an_adjacent_cycle() {
         let mut pace = Pace::new(&BUS);
         pace.see(10_000_000, Some(system(10_000_000)));
         let sync0 = pace.in_cycle(0) + 50 * BUS.period;

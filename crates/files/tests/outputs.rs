@@ -20,7 +20,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_file_is_there_whole_or_as_it_was() {
+fn a_file_is_replaced_whole_or_left_unchanged() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("log.csv");
     write(&path, b"old").unwrap();
@@ -36,7 +36,7 @@ fn a_file_is_there_whole_or_as_it_was() {
 }
 
 #[test]
-fn permissions_stay_and_new_files_follow_the_mask() {
+fn permissions_are_kept_and_new_files_follow_the_umask() {
     let dir = TempDir::new().unwrap();
     let (path, plain, other) =
         (dir.path().join("a.csv"), dir.path().join("plain"), dir.path().join("b.csv"));
@@ -68,7 +68,7 @@ fn a_link_stays_and_its_target_is_written() {
 }
 
 #[test]
-fn an_input_is_not_written_by_any_path() {
+fn an_input_is_not_overwritten_by_any_path() {
     let dir = TempDir::new().unwrap();
     let input = dir.path().join("v.csv");
     fs::write(&input, "mine").unwrap();
@@ -86,9 +86,9 @@ fn an_input_is_not_written_by_any_path() {
         dir.path().join("sub/up/v.csv"),
     ];
     for way in ways {
-        for said in [write(&way, b"over").unwrap_err(), try_place(&way).unwrap_err()] {
-            assert!(matches!(said, FileError::IsInput { .. }), "{}: {said}", way.display());
-            assert!(said.to_string().contains("v.csv"), "{said}");
+        for error in [write(&way, b"over").unwrap_err(), try_place(&way).unwrap_err()] {
+            assert!(matches!(error, FileError::IsInput { .. }), "{}: {error}", way.display());
+            assert!(error.to_string().contains("v.csv"), "{error}");
         }
         assert_eq!(fs::read_to_string(&input).unwrap(), "mine", "{}", way.display());
     }
@@ -100,7 +100,7 @@ fn an_input_is_not_written_by_any_path() {
 }
 
 #[test]
-fn an_input_that_appears_while_a_file_is_written_stays() {
+fn an_input_that_appears_while_a_file_is_written_is_kept() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("later.toml");
     let output = Output::begin(&path).unwrap();
@@ -126,7 +126,7 @@ fn a_pipe_is_written_in_place() {
 }
 
 #[test]
-fn devices_are_written_in_place_and_a_full_one_is_told() {
+fn devices_are_written_in_place_and_a_full_one_is_an_error() {
     let dir = TempDir::new().unwrap();
     let link = dir.path().join("null");
     symlink("/dev/null", &link).unwrap();
@@ -134,13 +134,13 @@ fn devices_are_written_in_place_and_a_full_one_is_told() {
     write(&link, b"away").unwrap();
     assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
     assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-    let said = write(Path::new("/dev/full"), b"too much").unwrap_err().to_string();
-    assert!(said.contains("/dev/full") && said.contains("space"), "{said}");
+    let message = write(Path::new("/dev/full"), b"too much").unwrap_err().to_string();
+    assert!(message.contains("/dev/full") && message.contains("space"), "{message}");
     assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device());
 }
 
 #[test]
-fn a_place_that_is_no_place_is_told() {
+fn an_invalid_output_path_is_an_error() {
     let dir = TempDir::new().unwrap();
     for path in [dir.path().join("none/x.csv"), dir.path().to_path_buf(), dir.path().join("..")] {
         assert!(matches!(write(&path, b""), Err(FileError::Write { .. })), "{}", path.display());
@@ -157,7 +157,7 @@ fn a_place_that_is_no_place_is_told() {
 
 /// If the temporary file has been removed, finishing reports an error.
 #[test]
-fn a_file_that_is_removed_while_written_is_told() {
+fn a_temporary_file_removed_while_written_is_an_error() {
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("run.mcap");
     let mut output = Output::begin(&path).unwrap();
@@ -170,7 +170,7 @@ fn a_file_that_is_removed_while_written_is_told() {
 }
 
 #[test]
-fn a_folder_is_there_whole_or_not_at_all() {
+fn a_folder_is_written_whole_or_not_at_all() {
     let dir = TempDir::new().unwrap();
     let at = dir.path().join("logs");
     let begun = Folder::begin(&at).unwrap();
@@ -187,10 +187,10 @@ fn a_folder_is_there_whole_or_not_at_all() {
 }
 
 #[test]
-fn reading_ends_at_a_limit() {
-    let said = bytes(Path::new("/dev/zero"), "crane file", 1_000_000).unwrap_err().to_string();
-    assert!(said.contains("1000 kB") && said.contains("crane file"), "{said}");
-    assert!(said.contains("device"), "{said}");
+fn reading_stops_at_the_size_limit() {
+    let message = bytes(Path::new("/dev/zero"), "crane file", 1_000_000).unwrap_err().to_string();
+    assert!(message.contains("1000 kB") && message.contains("crane file"), "{message}");
+    assert!(message.contains("device"), "{message}");
     let dir = TempDir::new().unwrap();
     let path = dir.path().join("long.toml");
     fs::write(&path, vec![b'['; 1001]).unwrap();

@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gains_that_are_not_found_are_told_with_both_reasons() {
+    fn a_failed_gain_design_is_reported_with_both_reasons() {
         let error = DesignError::NotConverged { exchanges: 12, low_kg: 0.0, high_kg: 370.0 };
         let remark = untunable("they are placeholders", &error);
         assert!(remark.contains("not tuned (they are placeholders)"), "{remark}");
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn a_margin_that_does_not_exist_is_a_dash() {
+    fn an_infinite_margin_is_shown_as_a_dash() {
         let gains = Gains::of(&Description::uia_single_boom().unwrap());
         let worst = WorstMargins {
             stable: true,

@@ -264,8 +264,11 @@ mod tests {
         let mut crane = Description::uia_virtual().unwrap();
         assert_eq!(beyond_range(&crane, [0.0, 382.0]), None);
         assert_eq!(beyond_range(&crane, payload_range(&crane)), None);
-        let said = beyond_range(&crane, [0.0, 99_999.0]).unwrap();
-        assert!(said.contains("0 to 99999 kg") && said.contains("0 to 382 kg of its"), "{said}");
+        let message = beyond_range(&crane, [0.0, 99_999.0]).unwrap();
+        assert!(
+            message.contains("0 to 99999 kg") && message.contains("0 to 382 kg of its"),
+            "{message}"
+        );
         // a payload beyond the file's range extends it
         crane.set("payload.mass_kg=400").unwrap();
         assert_eq!(beyond_range(&crane, [0.0, 400.0]), None);

@@ -256,7 +256,7 @@ mod tests {
     };
 
     #[test]
-    fn a_margin_that_does_not_exist_is_a_dash_in_the_table_and_null_in_json() {
+    fn an_infinite_margin_is_a_dash_in_the_table_and_null_in_json() {
         assert_eq!([phase(60.4), gain(2.44), modulus(0.5)], ["60", "2.4", "0.50"]);
         assert_eq!([phase(f64::INFINITY), gain(f64::INFINITY), modulus(f64::NAN)], ["-"; 3]);
         let benchmark = WITHOUT_CROSSOVER;
@@ -265,7 +265,7 @@ mod tests {
         let json = serde_json::to_value(&report).unwrap();
         assert!(json["benchmark"]["phase_deg"].is_null(), "{json}");
         assert!(json["benchmark"]["crossover_hz"].is_null(), "{json}");
-        let said = table(&[report]);
-        assert!(said.contains("- / - / 0.90") && said.contains("unstable"), "{said}");
+        let text = table(&[report]);
+        assert!(text.contains("- / - / 0.90") && text.contains("unstable"), "{text}");
     }
 }

@@ -408,7 +408,7 @@ mod tests {
 
     /// A payload at 9 m oscillates at 0.82 Hz instead of 2.25 Hz, which is no other source of vibration.
     #[test]
-    fn a_frequency_that_is_far_off_may_be_the_load_s() {
+    fn a_large_frequency_difference_is_attributed_to_the_load() {
         let far = Difference { ringing: rings(0.82), model_ringing: rings(2.25), ..difference() };
         let text = read(&far, &[]);
         assert!(text.contains("a load, a lever or a stiffness that is far from"), "{text}");
@@ -420,7 +420,7 @@ mod tests {
     /// Damping so strong that there are less than two periods: the frequencies are not compared, the
     /// dampings are.
     #[test]
-    fn a_frequency_that_cannot_be_read_is_not_compared() {
+    fn an_unreliable_frequency_is_not_compared() {
         let brief = Some(Ringing { frequency: 2.36, damping: Some(0.28), amplitude: 1e5 });
         let text =
             read(&Difference { ringing: brief, model_ringing: rings(2.21), ..difference() }, &[]);
@@ -428,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_of_a_sensor_is_named_with_what_the_mapping_says_then() {
+    fn a_sensor_fault_is_reported_with_its_mapping_correction() {
         let error = |fault, against| SignalFault {
             signal: Signal::PressureA,
             fault,
@@ -451,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn advice_is_one_list_with_what_each_key_does_to_each_signal() {
+    fn advice_lists_the_effect_of_each_key_on_each_signal() {
         let d = difference();
         let moved = |aspect, signal, found| Moved { aspect, signal, found, wanted: 2.0 };
         let remedy = Remedy {

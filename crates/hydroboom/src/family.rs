@@ -247,7 +247,7 @@ mod tests {
 
     /// As in `motion`, the row itself is marked.
     #[test]
-    fn a_row_of_an_unstable_loop_bears_a_mark() {
+    fn a_row_of_an_unstable_loop_is_marked() {
         let model = hydroboom_description::Description::uia_single_boom().unwrap();
         let mut light = model.clone();
         light.set("payload.mass_kg=100").unwrap();

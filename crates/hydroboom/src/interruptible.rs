@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_says_how_far_the_work_is_and_what_is_left_of_it() {
+    fn the_progress_line_states_the_share_done_and_the_time_left() {
         let after = |share| progress(share, 24, "cranes", Duration::from_secs(30));
         assert_eq!(after(0.25), "25 % of 24 cranes done after 30 s, about 90 s left");
         assert_eq!(after(0.0), "0 % of 24 cranes done after 30 s");

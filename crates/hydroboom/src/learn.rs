@@ -466,7 +466,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interrupted_command_has_not_done_its_work() {
+    fn an_interrupted_command_ends_with_an_error() {
         let [whole, part] = [Some(true), None].map(report);
         assert!(ended(std::slice::from_ref(&whole), 1).is_ok());
         let error = ended(&[whole, part], 3).unwrap_err().to_string();
@@ -490,7 +490,7 @@ mod tests {
     }
 
     #[test]
-    fn overrides_are_printed_only_where_they_may_be_used() {
+    fn only_usable_overrides_are_printed() {
         let (usable, unusable) = (identified(None), identified(Some("it errs more")));
         let said = told(std::slice::from_ref(&usable), 1);
         assert!(said.contains("--set payload.mass_kg=307.5"), "{said}");

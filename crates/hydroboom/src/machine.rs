@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn the_process_plays_the_machine_that_was_chosen() {
+    fn the_machine_process_simulates_the_chosen_machine() {
         let boom = "../../cranes/uia-single-boom.toml";
         for arguments in [
             vec![],

@@ -526,7 +526,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measured_error_that_is_the_true_one_is_said_once() {
+    fn equal_true_and_measured_errors_are_printed_once() {
         let ideal = table(&[row(0.5, Some(0.42))]);
         assert!(ideal.contains("RMS true [mm]") && !ideal.contains("measured [mm]"), "{ideal}");
         assert!(ideal.contains(IDEAL_SENSORS), "{ideal}");
@@ -541,7 +541,7 @@ mod tests {
 
     /// The row itself is marked, besides the remark below the table.
     #[test]
-    fn a_row_of_an_unstable_loop_bears_a_mark() {
+    fn a_row_of_an_unstable_loop_is_marked() {
         let swings = Row { has_stable_loops: false, ..row(0.5, None) };
         let text = table(&[row(0.5, None), swings]);
         let marked = |line: &str| line.starts_with("benchmark-closed-loop (!)");
@@ -566,7 +566,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_of_the_paper_are_left_out_where_it_has_no_number() {
+    fn columns_of_the_paper_without_numbers_are_left_out() {
         let other = table(&[row(0.5, None)]);
         assert!(!other.contains("RMS paper") && !other.contains("peak paper"), "{other}");
         let header = other.lines().find(|line| line.starts_with("strategy")).unwrap();

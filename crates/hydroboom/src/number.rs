@@ -62,8 +62,8 @@ mod tests {
         assert_eq!(read("25"), Ok(25.0));
         assert_eq!(read(" 1e2 "), Ok(100.0));
         for wrong in ["nan", "NaN", "inf", "-inf", "1e300", "1e999", "-25", "0", "fast", ""] {
-            let said = read(wrong).unwrap_err();
-            assert!(said.contains("0.1 to 10000 mm/s"), "{wrong}: {said}");
+            let message = read(wrong).unwrap_err();
+            assert!(message.contains("0.1 to 10000 mm/s"), "{wrong}: {message}");
         }
     }
 }

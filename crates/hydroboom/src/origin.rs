@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_is_shown_as_a_shell_takes_it() {
+    fn a_command_is_shown_with_shell_quoting() {
         for plain in ["--set", "payload.mass_kg=340", "a/b-c_d.toml", "größe"] {
             assert_eq!(quoted(plain), plain);
         }

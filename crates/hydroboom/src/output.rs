@@ -290,7 +290,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn control_characters_are_shown_and_not_obeyed() {
+    fn control_characters_are_shown_escaped() {
         assert_eq!(escaped("a\u{202e}b"), "a\\u{202e}b");
         assert_eq!(escaped("a\x1b[2Jb\r\u{9b}\tc\n"), "a\\u{1b}[2Jb\\r\\u{9b}\tc\n");
         // colours of the program's own messages are kept

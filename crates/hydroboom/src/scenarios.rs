@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_in_sustained_oscillation_has_no_errors_and_bears_a_mark() {
+    fn a_run_in_sustained_oscillation_is_marked_and_has_no_errors() {
         let error = TrackingError {
             rms_true_mm: 0.5,
             rms_measured_mm: 0.6,

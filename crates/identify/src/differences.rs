@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_drifts_shows_in_the_halves() {
+    fn a_clock_drift_gives_different_delays_in_both_halves() {
         let drifting = compared(|k| course(k, 0.002 * f64::from(k) * 0.005), |k| course(k, 0.0));
         let [first, second] = drifting.delay_halves.unwrap();
         // 2 ms per second over 15 s: 7.5 ms in the middle of the first half, 22.5 ms in that of the second

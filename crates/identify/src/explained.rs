@@ -120,7 +120,7 @@ mod tests {
 
     /// A gap keeps its duration: the drift is per unit of time, and no slope is taken across the gap.
     #[test]
-    fn a_gap_changes_none_of_them() {
+    fn a_gap_does_not_change_the_estimated_sensor_errors() {
         let is_there = |t: f64| !(2.0..7.0).contains(&t);
         let mean = 70.0 + 4.0 * (1.0 - 9.0_f64.cos()) / 9.0;
         let log = |t: f64| {
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn another_oscillation_is_none_of_them() {
+    fn another_oscillation_is_no_sensor_error() {
         let found = parts(|t| model(t) + 0.5 * (25.0 * t).sin());
         for part in [found.offset, found.drift, found.scale, found.delay] {
             assert!(part.share < 0.1, "{found:?}");

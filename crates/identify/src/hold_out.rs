@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_found_exactly() {
+    fn a_straight_line_is_fitted_exactly() {
         let points = (0..50).map(|k| (0.1 * f64::from(k), 3.0 - 0.7 * 0.1 * f64::from(k)));
         let found = line(points).unwrap();
         assert!((found.slope + 0.7).abs() < 1e-12 && (found.at(10.0) + 4.0).abs() < 1e-12);

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parabola_has_no_noise_and_an_outlier_is_none() {
+    fn neither_a_parabola_nor_an_outlier_counts_as_noise() {
         let time: Vec<f64> = (0..100).map(|k| 0.1 * f64::from(k)).collect();
         let mut values: Vec<f64> = time.iter().map(|t| 1.0 + 2.0 * t - 0.3 * t * t).collect();
         values[50] += 1e3;

@@ -320,7 +320,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ramp_through_a_filter_follows_late_by_its_time_constant() {
+    fn a_filtered_ramp_lags_by_the_time_constant() {
         let (interval, constant) = (0.01, 0.3);
         let time = |k: usize| k as f64 * interval;
         let mut response: Response<f64> =

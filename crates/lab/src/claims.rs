@@ -279,7 +279,7 @@ mod tests {
 
     /// Figures by hand for runs with prescribed position errors.
     #[test]
-    fn figures_are_those_of_the_runs_and_worse_ones_are_named() {
+    fn claims_give_the_figures_of_the_runs_and_name_worse_ones() {
         let model = Description::uia_single_boom().unwrap();
         let motion = model.motion(model.numbers.fast);
         let mut runs = Vec::new();

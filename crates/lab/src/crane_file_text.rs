@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_keeps_its_range_and_widens_it_where_it_must() {
+    fn a_value_keeps_its_range_unless_it_lies_outside() {
         let range = |crane: &Description| crane.range("payload.mass_kg").unwrap();
         let inside = with("payload.mass_kg", 250.0);
         assert_eq!((range(&inside).low, range(&inside).high), (0.0, 370.0));

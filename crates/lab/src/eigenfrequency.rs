@@ -272,7 +272,7 @@ mod tests {
 
     /// A slow mode of 1 mm with a fast one of a fifth of it, which adds crossings of the mean.
     #[test]
-    fn the_lowest_mode_is_found_beside_a_faster_one() {
+    fn the_lowest_mode_is_found_despite_a_faster_one() {
         use std::f64::consts::TAU;
         let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
         let slow = |t: f64| (TAU * 4.6 * t).sin() * (-0.3 * t).exp();

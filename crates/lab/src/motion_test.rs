@@ -313,7 +313,7 @@ mod tests {
     use crate::closed_loop::scenario::CourseChoice;
 
     #[test]
-    fn strategies_side_by_side_do_what_each_does_alone() {
+    fn strategies_simulated_side_by_side_equal_single_runs() {
         let model = Description::uia_single_boom().unwrap();
         let crane = Description::uia_virtual().unwrap();
         // with a payload change during the course

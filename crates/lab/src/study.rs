@@ -420,20 +420,20 @@ mod tests {
     /// Payload at 9 m. The nominal plant has no lag, while the scheduled LQR expects one. Both facts are
     /// reported, and neither applies to the paper's crane.
     #[test]
-    fn a_loop_that_only_an_ideal_plant_makes_unstable_is_told_so() {
-        let said = |set: &str| {
+    fn a_loop_unstable_on_the_ideal_plant_only_is_reported() {
+        let remarks = |set: &str| {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(set).unwrap();
             let (loops, expected) = loops_around(&crane, &[(NOMINAL, Some(&crane))]).unwrap();
             said_of_unstable(&loops, &expected)
         };
-        let far = said("payload.x_mm=9000");
+        let far = remarks("payload.x_mm=9000");
         let begins = "nominal, scheduled LQR: the closed loop is UNSTABLE at 25 to 475 mm";
         let lqr = far.iter().find(|text| text.starts_with(begins)).unwrap();
         assert!(lqr.contains("with an ideal drive and no delay"), "{lqr}");
         let last = far.last().unwrap();
         assert!(last.contains("the closed loop of the scheduled LQR is stable"), "{last}");
-        assert_eq!(said("payload.x_mm=3500"), [""; 0]);
+        assert_eq!(remarks("payload.x_mm=3500"), [""; 0]);
     }
 
     #[test]

@@ -168,7 +168,7 @@ mod tests {
 
     /// Values of docs/reference/computing-time.md: largest errors of p_A \[bar\].
     #[test]
-    fn errors_are_those_that_are_stated_with_their_conditions() {
+    fn errors_match_the_documented_values() {
         let points = work_precision(&Description::uia_single_boom().unwrap()).unwrap();
         for (excitation, scheme, step_us, stated) in [
             (Excitation::Motion, "implicit", 500.0, 4.4e-4),

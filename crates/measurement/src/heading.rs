@@ -228,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_are_found_however_a_heading_is_written() {
+    fn units_are_found_in_every_form_of_heading() {
         for (text, name, unit) in [
             ("pressure_a_bar", "pressure_a", Some("bar")),
             ("p_A [bar]", "p_A", Some("bar")),
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_part_of_a_name_is_no_unit() {
+    fn a_part_of_a_name_is_not_taken_for_a_unit() {
         for name in [
             "time",
             "p_A",
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stated_unit_that_is_unknown_is_kept_as_what_it_is() {
+    fn an_unknown_stated_unit_is_kept_as_text() {
         for (text, name, unit) in [
             ("p_A [barr]", "p_A", "barr"),
             ("p_A (kpsi)", "p_A", "kpsi"),

@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_unit_is_of_the_last_part() {
+    fn the_unit_is_taken_from_the_last_part_of_a_path() {
         for (path, name, unit) in [
             ("stroke_mm", "stroke", Some("mm")),
             ("/cyl1.pressure_a", "/cyl1.pressure_a", None),

@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_begins_a_segment() {
+    fn a_clock_adjustment_starts_a_segment() {
         for (second, kind) in [(3600.0, "jumps"), (0.0, "goes back"), (1.7e9, "jumps")] {
             let all = recorded(even(0.0, 500).chain(even(second, 500)));
             assert_eq!(all.breaks, [500], "{second}");
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_do_not_fit_are_left_out_and_said() {
+    fn rows_with_stray_times_are_left_out_and_reported() {
         let stray = |time: f64| {
             let mut times: Vec<f64> = even(0.0, 500).collect();
             times[300] = time;
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_that_changes_is_one_segment_more_and_no_more() {
+    fn a_change_of_rate_adds_exactly_one_segment() {
         let slow = (0..200).map(|k| 5.0 + f64::from(k) * 0.5);
         let all = recorded(even(0.0, 500).chain(slow));
         assert_eq!(all.breaks.len(), 1, "{:?}", all.remarks);

@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_seconds_from_what_their_unit_and_size_say() {
+    fn times_are_converted_to_seconds_by_unit_and_magnitude() {
         let day = 739_000.0 + 0.25;
         for (name, time, wanted) in [
             ("t", [5.0, 6.0, 7.0], [5.0, 6.0, 7.0]),
@@ -215,15 +215,15 @@ mod tests {
     }
 
     #[test]
-    fn a_time_in_a_unit_that_is_unknown_or_of_no_time_is_refused() {
+    fn a_time_with_an_unknown_unit_or_one_of_no_time_is_refused() {
         for (name, wanted) in
             [("t [ticks]", "\"ticks\" is no known unit"), ("x_mm", "mm is a length, not a time")]
         {
             let mut assembly = Assembly::new("test", None, Vec::new());
             let time = Column::new(name, vec![0.0, 1.0, 2.0]);
             let columns = vec![Column::new("p_A_bar", vec![0.0; 3])];
-            let said = assembly.add(Samples { columns, time }).unwrap_err().to_string();
-            assert!(said.contains(wanted) && said.contains("[log.time]"), "{said}");
+            let message = assembly.add(Samples { columns, time }).unwrap_err().to_string();
+            assert!(message.contains(wanted) && message.contains("[log.time]"), "{message}");
         }
     }
 
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_back_begins_a_segment() {
+    fn a_clock_set_back_starts_a_segment() {
         let once = || (0..100).map(|k| f64::from(k) * 0.01);
         let time: Vec<f64> = once().chain(once()).collect();
         let log = log("t_s", &time);

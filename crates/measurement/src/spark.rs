@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ramp_climbs_and_a_gap_is_blank() {
+    fn a_sparkline_rises_with_a_ramp_and_is_blank_in_a_gap() {
         let ramp: Vec<f64> = (0..80).map(f64::from).collect();
         assert_eq!(sparkline(&ramp, 8), "▁▂▃▄▅▆▇█");
         let mut broken = ramp;

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn no_average_is_taken_over_a_break() {
+    fn no_average_is_taken_across_segments() {
         // each segment has one constant value, which averaging within segments keeps
         let mut columns = Columns::new(1, 500);
         for k in 0..50_000_u32 {

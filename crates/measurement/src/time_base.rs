@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gaps_and_jitter_are_told_apart() {
+    fn gaps_and_jitter_are_distinguished() {
         let mut time: Vec<f64> = (0..1000).map(|k| f64::from(k) * 0.01).collect();
         time[500] += 0.002;
         time.drain(700..720);

@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_is_known_however_it_is_written() {
+    fn a_unit_is_recognised_in_every_spelling() {
         for (text, name) in [
             ("MPa", "MPa"),
             ("mPa", "mPa"),

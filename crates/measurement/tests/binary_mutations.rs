@@ -144,7 +144,7 @@ fn course() -> [Vec<f64>; 2] {
 }
 
 #[test]
-fn damaged_mat_files() {
+fn damaged_mat_files_are_read_or_refused() {
     let [t, x] = course();
     let inner =
         mat::structure("", &["time", "label"], &[vec![mat::row("", &t), mat::text("", "p_A")]]);
@@ -183,7 +183,7 @@ fn damaged_mat_files() {
 }
 
 #[test]
-fn damaged_mat_files_of_level_7_3() {
+fn damaged_mat_files_of_level_7_3_are_read_or_refused() {
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/mat/files");
     let read = |name: &str| std::fs::read(files.join(name)).unwrap();
     survives("7_3.mat", &["arrays_7_3.mat", "scope_7_3.mat", "groups_7_3.mat"].map(read), use_file);
@@ -191,14 +191,14 @@ fn damaged_mat_files_of_level_7_3() {
 
 #[cfg(feature = "parquet")]
 #[test]
-fn damaged_parquet_files() {
+fn damaged_parquet_files_are_read_or_refused() {
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/parquet/files");
     let read = |name: &str| std::fs::read(files.join(format!("{name}.parquet"))).unwrap();
     survives("parquet", &["stamped", "seconds", "milliseconds"].map(read), use_file);
 }
 
 #[test]
-fn damaged_mdf_files() {
+fn damaged_mdf_files_are_read_or_refused() {
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/mdf/files");
     let mut seeds: Vec<Vec<u8>> = ["plain", "transposed", "packed_list", "conversions", "zstd"]
         .iter()
@@ -224,7 +224,7 @@ fn damaged_mdf_files() {
 }
 
 #[test]
-fn damaged_mcap_files() {
+fn damaged_mcap_files_are_read_or_refused() {
     let texts: Vec<String> = (0..30)
         .map(|k| format!("{{\"a\": {{\"x_mm\": {k}}}, \"p\": [1, NaN], \"on\": true}}"))
         .collect();

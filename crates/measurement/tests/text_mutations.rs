@@ -60,7 +60,7 @@ fn damaged_tables_are_read_or_refused() {
 }
 
 #[test]
-fn damaged_mappings_are_understood_or_refused_in_few_words() {
+fn damaged_mappings_are_read_or_refused_with_a_short_message() {
     each("TOML", |seed| {
         let whole = "[log]\nsample_time_ms = 10\npressure_b = \"p#2\"\n[log.time]\ncolumn = \"t\"\nunit = \"ms\"\nscale = 2.0\noffset = 1\n\
                      [log.stroke]\ncolumn = \"x\"\nunit = \"mm\"\nsign = -1\noffset = 250.0\nscale = 0.1\ndelay_ms = 4.0\ndrift_ppm = 200\nfilter_ms = 20.0\n";
@@ -79,7 +79,7 @@ fn damaged_mappings_are_understood_or_refused_in_few_words() {
 }
 
 #[test]
-fn a_mapping_of_brackets_is_refused_in_few_words() {
+fn a_mapping_of_brackets_is_refused_with_a_short_message() {
     for text in [
         "[log]\na = ".to_string() + &"[".repeat(200_000),
         "[".repeat(200_000),

@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_along_dead_time_frequency_and_damping_are_what_a_little_more_does() {
+    fn slopes_by_dead_time_frequency_and_damping_match_differences() {
         type D = Dual<f64, 3>;
         let (frequency, damping, time) = (110.0, 0.8, 2.3e-3);
         let dead = DeadTime::over(D::variable(time, 2), D::constant(1e-3), 2);

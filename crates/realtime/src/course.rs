@@ -96,7 +96,7 @@ mod tests {
     use hydroboom_control::reference::profile::OutAndBack;
 
     #[test]
-    fn an_approach_begins_at_the_piston_and_ends_at_rest_where_the_path_begins() {
+    fn an_approach_moves_from_the_piston_to_the_start_of_the_course() {
         let motion = OutAndBack {
             start: 0.05,
             end: 0.45,

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn the_generation_grows_with_every_change_of_the_operator_and_every_emergency_stop() {
+    fn each_change_of_operator_and_emergency_stop_adds_a_generation() {
         let desk = desk();
         let mut seen = vec![desk.generation()];
         desk.attend(10.0);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn who_leaves_attends_no_more_and_an_emergency_stop_is_kept_until_it_is_taken() {
+    fn leaving_ends_attendance_and_keeps_an_emergency_stop_until_taken() {
         let desk = desk();
         assert!(desk.is_attended());
         desk.leave_role();

@@ -340,8 +340,8 @@ mod tests {
         ];
         for (bytes, named) in cases {
             assert_eq!(take(&mut endpoint, &bytes, port(4000)), Received::Nothing);
-            let said = endpoint.difference().unwrap().to_string();
-            assert!(said.contains(named), "{said}");
+            let message = endpoint.difference().unwrap().to_string();
+            assert!(message.contains(named), "{message}");
             assert_eq!(endpoint.machine(), None);
         }
         let mut newer = hello(|_| ());
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn commands_that_are_not_accepted_are_missed_within_the_watchdogs_time() {
+    fn unaccepted_commands_are_detected_within_the_watchdog_time() {
         let mut endpoint = greeted();
         for k in 1..=60_u64 {
             // the machine receives the first thirty commands

@@ -89,13 +89,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guarded_work_tells_why_it_failed_and_where() {
+    fn guarded_work_reports_why_and_where_it_failed() {
         hand_panics_on();
         assert_eq!(guarded(|| 7), Ok(7));
         let bounds = [1.0, 0.0];
-        let said = guarded(|| 0.5_f64.max(bounds[usize::from(bounds[0] > 0.0) + 1])).unwrap_err();
-        assert!(said.contains("the len is 2 but the index is 2"), "{said}");
-        assert!(said.contains("failure.rs"), "{said}");
+        let message =
+            guarded(|| 0.5_f64.max(bounds[usize::from(bounds[0] > 0.0) + 1])).unwrap_err();
+        assert!(message.contains("the len is 2 but the index is 2"), "{message}");
+        assert!(message.contains("failure.rs"), "{message}");
         // one after the other, and nested
         let inner = guarded(|| guarded(|| panic!("the inner one")).unwrap_err()).unwrap();
         assert!(inner.starts_with("the inner one (") && inner.contains("failure.rs"), "{inner}");

@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_is_asked_for_until_it_is_taken_up_and_not_again() {
+    fn a_start_is_requested_until_it_is_taken_and_not_again() {
         let mut bench = Bench::new(State::Holding);
         bench.desk.start();
         assert_eq!(bench.period(State::Holding), Request::Start);
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_dies_a_second_after_it_was_asked_for() {
+    fn a_start_expires_a_second_after_its_request() {
         for (within, periods) in [(Desk::START_WITHIN, 1000), (0.25, 250), (3600.0, 1000)] {
             let mut bench = Bench::new(State::Holding);
             bench.desk.start_in(bench.desk.generation(), within);
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_dies_in_every_state_but_holding() {
+    fn a_start_is_cleared_in_every_state_but_holding() {
         for state in State::ALL.into_iter().filter(|state| *state != State::Holding) {
             // requested in that state
             let mut bench = Bench::new(state);
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_dies_with_its_operator() {
+    fn a_start_is_cleared_when_its_operator_leaves() {
         type Change = fn(&Desk);
         let given_back: Change = |desk| desk.leave_role();
         let lost: Change = |desk| desk.attend(0.0);
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_and_an_emergency_stop_clear_what_is_pending_and_are_not_lost() {
+    fn stops_and_emergency_stops_clear_pending_requests() {
         let mut bench = Bench::new(State::Holding);
         let generation = bench.desk.generation();
         bench.desk.start();
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_is_one_of_a_present_operator_in_a_fault() {
+    fn a_reset_needs_a_present_operator_and_a_fault() {
         let resets = |bench: &mut Bench| {
             (0..6000).filter(|_| bench.period(State::Fault) == Request::Reset).count()
         };
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_stops_when_another_operator_comes_however_quickly() {
+    fn a_motion_stops_on_any_change_of_operator() {
         for (state, motor_speed) in [(State::Holding, 1.0), (State::Moving, 5.0)] {
             let mut bench = Bench::new(State::Holding);
             bench.desk.start();
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn a_desk_that_closes_stops_and_starts_nothing() {
+    fn a_closed_desk_starts_nothing_and_ends_the_session() {
         let mut bench = Bench::new(State::Holding);
         bench.desk.close();
         bench.desk.start();

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn written_parameters_are_read_back() {
         let (found, expected) = (read_back(str::to_string).unwrap(), parameters());
         let pairs = found.to_array().into_iter().zip(expected.to_array());
         for (a, b) in pairs {
@@ -206,7 +206,7 @@ mod tests {
     /// The message names the key, the value and the allowed range. Another crane, and oil parameters
     /// outside the crane file's uncertainty, are refused as well.
     #[test]
-    fn parameters_that_cannot_be_are_refused() {
+    fn impossible_parameters_are_refused() {
         let key = |key: &str, value: &str| {
             let found = read_back(|text| {
                 let mut all: Value = serde_json::from_str(text).unwrap();
@@ -215,14 +215,14 @@ mod tests {
             });
             found.unwrap_err()
         };
-        let said = key("transition_pressure_bar", "700.0");
-        assert!(said.contains("700.0") && said.contains("from 8 to 65"), "{said}");
+        let message = key("transition_pressure_bar", "700.0");
+        assert!(message.contains("700.0") && message.contains("from 8 to 65"), "{message}");
         assert!(key("drive_lag_ms", "\"slow\"").contains("\"slow\""));
         assert!(key("flow_transition_correlation", "1.5").contains("from -1 to 1"));
         assert!(key("unknown_flow_deviation_rpm", "null").contains("missing"));
         assert!(key("crane_digest", "\"0\"").contains("another crane file"));
-        let said = key("unknown_flow_rpm", "900.0");
-        assert!(said.contains("900.0 rpm off the crane file"), "{said}");
+        let message = key("unknown_flow_rpm", "900.0");
+        assert!(message.contains("900.0 rpm off the crane file"), "{message}");
         assert!(read_back(|_| "{".into()).unwrap_err().contains("run --parameters"));
     }
 

@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_is_for_its_owner_alone() {
+    fn shared_memory_is_accessible_to_its_owner_only() {
         let path = std::env::temp_dir().join(format!("hydroboom-owner-{}", std::process::id()));
         let _ = std::fs::remove_file(&path);
         let made = Shared::create(&path).unwrap();
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn validities_cross_to_the_other_process() {
+    fn validities_are_transferred_unchanged_to_the_other_process() {
         let [good, absent, out_of_range, stale] = VALIDITIES;
         let all = AxisSignals::from_array([stale, good, absent, out_of_range, good, stale, absent]);
         assert_eq!(validity_of(validity_word(&all)), all);

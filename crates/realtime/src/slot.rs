@@ -64,7 +64,7 @@ mod tests {
     use std::sync::Arc;
 
     #[test]
-    fn whatever_number_another_process_left_is_counted_on() {
+    fn any_version_left_by_another_process_is_continued() {
         let slot = Slot::<1>::default();
         for left in [u64::MAX, u64::MAX - 1, 7] {
             slot.version.store(left, Ordering::Relaxed);

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_step_is_counted_once_and_the_shares_fall_to_the_worst() {
+    fn every_step_is_counted_once_and_shares_fall_towards_the_worst() {
         let mut timing = Timing::new(50_000).unwrap_or_else(|| panic!("no memory"));
         for k in 1..=1000_u64 {
             timing.released(k * 100);

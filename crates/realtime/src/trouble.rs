@@ -287,7 +287,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_done_to_a_machine_crosses_to_its_process() {
+    fn injected_faults_are_transferred_unchanged_to_the_machine() {
         let mut all: Vec<Tampering> = Fault::all().into_iter().map(Tampering::Fault).collect();
         all.extend([Tampering::Mend, Tampering::Payload(123.5)]);
         for what in all {

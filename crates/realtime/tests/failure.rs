@@ -226,7 +226,7 @@ fn a_control_task_that_panics_in_motion_holds_the_load_within_the_period() {
 }
 
 #[test]
-fn a_control_task_that_panics_before_anything_was_recorded_ends_the_session_too() {
+fn a_panic_of_control_before_the_first_record_ends_the_session_too() {
     let session = session(Panics::AtOnce, false);
     let (before, after) = around_the_panic(&session.calls);
     assert!(before.is_empty() && after.len() > 200);
@@ -236,7 +236,7 @@ fn a_control_task_that_panics_before_anything_was_recorded_ends_the_session_too(
 }
 
 #[test]
-fn a_machine_that_takes_no_command_any_more_is_left_to_its_own_watchdog() {
+fn a_machine_that_accepts_no_commands_is_left_to_its_own_watchdog() {
     let session = session(Panics::ForGood, false);
     let (_, after) = around_the_panic(&session.calls);
     assert!(matches!(after, [Call::Write(_, HELD)]), "{after:?}");
@@ -245,7 +245,7 @@ fn a_machine_that_takes_no_command_any_more_is_left_to_its_own_watchdog() {
 }
 
 #[test]
-fn a_load_whose_attendant_panics_is_brought_to_rest_and_held() {
+fn if_the_attendant_panics_the_load_is_brought_to_rest_and_held() {
     let session = session(Panics::Never, true);
     assert!(session.real_time.is_none(), "the panic was swallowed");
     let opened =

@@ -15,7 +15,7 @@ use std::sync::Arc;
 const CLOSED: Strategy = Strategy::SimulationFeedforwardClosedLoop;
 
 #[test]
-fn fifty_courses_are_as_good_at_the_end_as_at_the_beginning() {
+fn the_last_of_fifty_courses_is_as_accurate_as_the_first() {
     let model = Description::uia_single_boom().unwrap();
     let mut machine = Description::uia_virtual().unwrap();
     // the executive is tested, not the machine: one machine step per control period is a quarter of the

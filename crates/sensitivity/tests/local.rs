@@ -46,7 +46,7 @@ fn slopes_through_the_closed_loop_are_those_of_finite_differences() {
 }
 
 #[test]
-fn a_stiffer_boom_rings_faster_and_a_heavier_load_slower() {
+fn a_stiffer_boom_raises_and_a_heavier_load_lowers_the_frequency() {
     let crane = Description::uia_single_boom().unwrap();
     let free: Vec<Free> = ["payload.mass_kg", "boom.youngs_modulus_gpa"]
         .iter()

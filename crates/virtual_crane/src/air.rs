@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stiffness_depends_on_where_the_pressure_comes_from() {
+    fn stiffness_depends_on_the_pressure_history() {
         let mut crane = Description::uia_single_boom().unwrap();
         crane.set("oil.air_shift_bar=8").unwrap();
         let oil = crane.crane::<3>().unwrap().circuit.oil;

@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shaft_turns_as_far_as_the_motor_does() {
+    fn mean_shaft_speeds_add_up_to_the_motor_angle() {
         let drive = Drive {
             frequency: 200.0,
             damping: 0.7,

@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_step_is_answered_by_an_exponential_whatever_the_step_size() {
+    fn the_step_response_is_exponential_at_any_step_size() {
         for step in [1e-4, 3e-3, 0.05] {
             let mut lag = Lag::new(0.02, step, 1.0);
             let count = (0.1_f64 / step).round();

@@ -58,7 +58,7 @@ mod tests {
     };
 
     #[test]
-    fn ripple_leaves_the_mean_flow_and_has_one_peak_a_piston() {
+    fn ripple_keeps_the_mean_flow_and_has_one_peak_per_piston() {
         let flows: Vec<f64> = (0..3600).map(|k| SHAFT.delivery(f64::from(k) / 3600.0)).collect();
         let mean = flows.iter().sum::<f64>() / 3600.0;
         assert!((mean - 1.0).abs() < 1e-12, "{mean}");

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_settles_where_cooling_equals_heat() {
+    fn after_a_shift_the_oil_is_in_thermal_equilibrium() {
         let mut temperature = Temperature::new(&warming());
         for _ in 0..8 * 3600 {
             temperature.advance(300.0, 1.0);

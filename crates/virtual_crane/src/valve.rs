@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_pilots_wait_for_the_valve_and_fill_after_it() {
+    fn pilot_lines_fill_after_the_valve_has_switched() {
         let mut valve = SwitchingValve::new(30e-3, 10e-3, 1e-3, 0.0);
         let positions: Vec<f64> = (0..60).map(|_| valve.advance(1.0)).collect();
         assert!(positions[..30].iter().all(|p| *p == 0.0));

@@ -34,7 +34,7 @@ fn readings(description: &Description, periods: u32) -> Vec<AxisSignals<f64>> {
 }
 
 #[test]
-fn without_its_effects_it_is_the_model_to_the_last_bit() {
+fn without_equipment_effects_it_equals_the_model_to_the_last_bit() {
     let mut bare = crane(&["start.preload_percent=100", "virtual.step_us=0"]);
     for effect in Effect::ALL {
         effect.remove_from(&mut bare).unwrap();
@@ -56,7 +56,7 @@ fn without_its_effects_it_is_the_model_to_the_last_bit() {
 }
 
 #[test]
-fn every_effect_can_be_switched_off_and_does_something() {
+fn every_effect_can_be_switched_off_and_changes_the_readings() {
     // away from the reference temperature, and with transducer errors, so that all effects matter
     let all = crane(&["temperature.oil_c=25", "sensors.pressure_error_percent=0.25"]);
     let with = readings(&all, 600);
@@ -84,7 +84,7 @@ fn every_effect_can_be_switched_off_and_does_something() {
 }
 
 #[test]
-fn the_load_is_let_go_only_after_the_valve_and_its_lines() {
+fn the_load_is_released_after_valve_and_pilot_line_delays() {
     let description = crane(&["switching_valve.delay_ms=40", "fieldbus.delay_cycles=2"]);
     let mut start = description.start(0.25);
     start.preload = 0.0;
@@ -120,14 +120,14 @@ fn static_friction_holds_the_boom_with_the_pump_stopped() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_readings_and_another_one_others() {
+fn only_the_same_seed_gives_the_same_readings() {
     let seeded = |seed: &str| readings(&crane(&[seed]), 50);
     assert_eq!(seeded("virtual.seed=7"), seeded("virtual.seed=7"));
     assert_ne!(seeded("virtual.seed=7"), seeded("virtual.seed=8"));
 }
 
 #[test]
-fn its_own_error_is_below_the_noise_of_its_sensors() {
+fn the_discretisation_error_is_below_the_sensor_noise() {
     // the noise-free crane with its step size, against a fourth of it
     let mut quiet = crane(&[]);
     Effect::Sensors.remove_from(&mut quiet).unwrap();
@@ -148,7 +148,7 @@ fn its_own_error_is_below_the_noise_of_its_sensors() {
 }
 
 #[test]
-fn cranes_side_by_side_do_what_each_does_alone() {
+fn cranes_simulated_side_by_side_equal_single_runs() {
     let cranes = [
         crane(&[]),
         crane(&["payload.mass_kg=100", "temperature.oil_c=25", "virtual.seed=5"]),
@@ -186,7 +186,7 @@ fn cranes_side_by_side_do_what_each_does_alone() {
 }
 
 #[test]
-fn cranes_of_another_make_are_not_simulated_side_by_side() {
+fn cranes_of_different_structure_are_not_simulated_side_by_side() {
     let other = crane(&["friction.law=stribeck"]);
     let cranes = [crane(&[]), other];
     let starts = cranes.each_ref().map(|c| c.start(0.25));
@@ -252,7 +252,7 @@ fn motor_and_sensors_stay_within_their_limits() {
 }
 
 #[test]
-fn a_motor_too_weak_for_its_load_lets_it_down() {
+fn a_motor_too_weak_for_its_load_is_driven_backwards() {
     // 68 bar at 10.6 cm3 need 11.5 N·m and the losses
     let described = crane(&["drive.max_torque_nm=6"]);
     let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();

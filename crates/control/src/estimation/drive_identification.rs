@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_share_of_a_lag_is_found() {
+    fn the_coefficient_of_a_drive_lag_is_identified() {
         let settings = DriveIdentification::<f64> {
             memory: 2.0,
             speed_noise: 0.2,

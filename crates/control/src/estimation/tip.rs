@@ -452,7 +452,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_its_reach_the_tip_is_finite() {
+    fn the_tip_position_is_finite_beyond_the_stroke() {
         let load = TipLoad { piston: 10.0, payload: 300.0, acceleration: 0.0 };
         assert!(CRANE.position(&BENDING, &load).into_iter().all(f64::is_finite));
     }

@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_over_at_the_speed_that_it_finds() {
+    fn bumpless_transfer_starts_at_the_present_motor_speed() {
         let controller = benchmark::<f64>();
         let reference = SetPoint { position: 0.21, velocity: 0.05 };
         let measured = BenchmarkInput { stroke: 0.2, load_pressure: 71e5 };
@@ -165,7 +165,7 @@ mod tests {
     const STILL: SetPoint<f64> = SetPoint { position: 0.2, velocity: 0.0 };
 
     #[test]
-    fn steady_load_pressure_asks_for_no_speed() {
+    fn constant_load_pressure_gives_no_pressure_feedback() {
         let (controller, measured) =
             (benchmark(), BenchmarkInput { stroke: 0.2, load_pressure: 68e5 });
         let mut memory = controller.start(&measured);
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limited_motor_does_not_wind_the_integral_up() {
+    fn the_integral_does_not_wind_up_at_the_motor_limit() {
         let controller = benchmark();
         let far = BenchmarkInput { stroke: -0.3, load_pressure: 0.0 };
         let mut memory = controller.start(&far);

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn a_notch_weakens_its_frequency_and_passes_what_is_slow() {
+    fn a_notch_attenuates_its_frequency_and_passes_low_frequencies() {
         let (frequency, period) = (50.0, 1e-3);
         let notch = Notch::new(frequency * core::f64::consts::TAU, [0.1, 0.7], period);
         // after a constant input the output has no step

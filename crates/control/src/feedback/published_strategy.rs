@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn feedback_takes_over_at_the_speed_commanded_last() {
+    fn feedback_starts_at_the_last_commanded_speed() {
         let mut controller = controller(Strategy::VelocityFeedforward);
         controller.start(&measured(0.2), 0);
         let closed = Strategy::SimulationFeedforwardClosedLoop;

@@ -50,7 +50,7 @@ mod tests {
     const LIMITS: NestedSaturation<f64> = NestedSaturation { position: 10.0, sum: 20.0 };
 
     #[test]
-    fn within_its_limits_it_is_the_gain() {
+    fn feedback_is_linear_within_the_limits() {
         let error = [1e-3, 0.005, 1e5, 1.0];
         let (feedback, saturates) = LIMITS.feedback(&GAIN, &error);
         assert!((feedback - dot(&GAIN, &error)).abs() < 1e-12 && !saturates, "{feedback}");
@@ -58,7 +58,7 @@ mod tests {
 
     /// For any position error a velocity still changes the command: damping remains.
     #[test]
-    fn a_large_position_error_does_not_drown_the_damping() {
+    fn a_large_position_error_leaves_the_velocity_feedback() {
         let far = |velocity: f64| LIMITS.feedback(&GAIN, &[0.5, velocity, 0.0, 0.0]).0;
         assert_eq!(far(0.0), 10.0);
         assert!((far(-0.02) - 2.0).abs() < 1e-12);

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_that_is_known_does_not_ring_and_one_beside_it_hardly() {
+    fn shaping_suppresses_the_mode_and_zvd_tolerates_a_detuned_one() {
         let plain = residual_vibration(&motion(), 2.5, 0.02);
         assert!(plain > 0.3, "{plain} mm");
         let twice = ShapedTrajectory::zv(motion(), 2.5, 0.02);
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shaped_ramp_is_late_by_the_mean_delay() {
+    fn a_shaped_ramp_lags_by_the_mean_delay() {
         for shaper in [InputShaper::zv(2.5, 0.1), InputShaper::zvd(2.5, 0.1)] {
             let ramp = |after: f64| SetPoint { position: 0.12 * after, velocity: 0.12 };
             let shaped = shaper.shaped(|after| ramp(after + shaper.mean_delay()));
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn it_begins_and_ends_where_the_trajectory_does() {
+    fn a_shaped_trajectory_starts_and_ends_as_the_unshaped_one() {
         let shaped = ShapedTrajectory::zvd(motion(), 2.5, 0.02);
         for time in [0.0, shaped.duration() + 1.0] {
             let (own, plain) = (shaped.reference(time), motion().reference(time));

@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_goes_out_dwells_and_returns() {
+    fn the_motion_extends_dwells_and_retracts() {
         for profile in [RampShape::Trapezoidal, RampShape::SCurve] {
             let motion = published(profile);
             let travel = 0.4 / 0.12 + 1.0;
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_too_short_for_its_speed_still_arrives_at_rest() {
+    fn a_travel_too_short_for_its_speed_still_ends_at_rest() {
         for profile in [RampShape::Trapezoidal, RampShape::SCurve] {
             let way = PointToPoint { distance: 0.01, speed: 0.12, ramp: 1.0, profile };
             let end = way.at(way.duration());

@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn twelve_of_every_thirteen_periods_are_seen_however_they_are_spread() {
+    fn twelve_missed_periods_of_every_thirteen_are_counted() {
         let mut monitor = DeadlineMonitor::default();
         let most = (0..40).map(|_| monitor.executed(12)).max().unwrap();
         assert!(most > WINDOW * 9 / 10, "{most}");

@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_that_lags_as_described_follows() {
+    fn a_drive_with_the_described_lag_is_not_reported() {
         let lag = |t: f64, from: f64, to: f64| to + (from - to) * (-t / 0.03).exp();
         // a step, and a step back to zero
         assert_eq!(found(0.0, LOAD, |t| (20.0, lag(t, 0.0, 20.0))), None);
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_at_its_slew_limit_or_short_of_torque_follows() {
+    fn a_drive_at_its_slew_or_torque_limit_is_not_reported() {
         // 50 rev/s back, for which the drive takes longer than its response
         let braking = 50.0 / MONITOR.slew;
         assert!(braking > 2.0 * MONITOR.response);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_that_turns_by_itself_or_the_other_way_is_found_within_20_ms() {
+    fn uncommanded_or_reversed_rotation_is_detected_within_20_ms() {
         for speeds in [|_: f64| (0.0, 5.0), |_: f64| (10.0, -10.0), |_: f64| (-10.0, 4.0)] {
             let (periods, verdict) = found(0.0, LOAD, speeds).unwrap();
             assert!(periods < 20 && verdict.uncommanded, "{periods} {verdict:?}");
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_that_stays_behind_deviates() {
+    fn a_drive_that_does_not_reach_its_command_is_detected() {
         let (periods, verdict) = found(0.0, LOAD, |_| (20.0, 4.0)).unwrap();
         assert!(periods < 250 && !verdict.uncommanded, "{periods} {verdict:?}");
     }

@@ -219,7 +219,7 @@ mod tests {
 
     /// Programs on machines know these numbers: a new cause comes last.
     #[test]
-    fn the_documented_status_of_each_cause_stays() {
+    fn status_numbers_of_causes_match_the_documentation() {
         let text = include_str!("../../../../docs/reference/export-controllers.md");
         let mut count = 0;
         for line in text.lines() {

@@ -313,14 +313,14 @@ mod tests {
     }
 
     #[test]
-    fn a_loop_of_dissolving_air_is_explained_and_only_with_its_shift() {
+    fn a_pressure_cycle_with_dissolving_air_is_explained_by_the_air_shift() {
         assert_eq!(unexplained(&MONITOR, 1), 0.0);
         let without = FlowMonitor { air_shift: 0.0, ..MONITOR };
         assert!(unexplained(&without, 1) > 1e-3);
     }
 
     #[test]
-    fn air_explains_nothing_where_the_pressure_stays() {
+    fn at_constant_pressure_air_explains_no_travel() {
         let reading = |stroke: f64| FlowReading {
             stroke,
             motor_speed: 0.0,

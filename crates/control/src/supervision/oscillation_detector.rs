@@ -204,14 +204,14 @@ mod tests {
     }
 
     #[test]
-    fn one_that_doubles_in_each_period_is_found_before_it_is_ten_times_as_large() {
+    fn an_oscillation_that_doubles_each_period_is_detected_early() {
         let growing = |t: f64| 0.5e-3 * (t * core::f64::consts::LN_2).exp() * (TAU * t).sin();
         let (_, [amplitude, _]) = found(growing, |_| true).unwrap();
         assert!(amplitude < 5.0 * DETECTOR.range, "{amplitude}");
     }
 
     #[test]
-    fn what_dies_out_creeps_back_or_is_small_is_none() {
+    fn decaying_creeping_and_small_errors_are_no_oscillation() {
         let swing = |t: f64, hz: f64| 8e-3 * (TAU * hz * t).sin();
         for hz in [0.5, 1.0, 2.0, 4.0] {
             assert_eq!(found(|t| swing(t, hz) * (-0.5 * t).exp(), |_| true), None, "{hz} Hz");
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_that_moves_begins_anew() {
+    fn a_moving_reference_restarts_the_detection() {
         let swing = |t: f64| 8e-3 * (TAU * 2.0 * t).sin();
         assert_eq!(found(swing, |t| t % 2.0 > 0.5), None);
         assert!(found(swing, |t| t > 7.0).unwrap().0 > 7.0 + DETECTOR.time);

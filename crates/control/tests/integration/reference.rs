@@ -15,7 +15,7 @@ fn motion(speed: f64) -> OutAndBack<f64> {
 
 /// A preview that was moved on period by period is that of the trajectory then.
 #[test]
-fn a_preview_moves_on_with_the_trajectory() {
+fn a_preview_advances_with_the_trajectory() {
     let motion = motion(0.12);
     let mut preview = Preview::new(PERIOD, |t| motion.reference(t));
     for k in 1..=2500 {
@@ -49,7 +49,7 @@ fn without_preview_the_reference_keeps_its_velocity() {
 
 /// A quadratic is its own moving average but for a constant, a²/24 of the window: no phase.
 #[test]
-fn smoothing_has_no_phase() {
+fn smoothing_has_zero_phase() {
     let acceleration = 0.4;
     let at = |t: f64| SetPoint {
         position: 0.1 + 0.5 * acceleration * (1.0 + t).powi(2),
@@ -67,7 +67,7 @@ fn smoothing_has_no_phase() {
 
 /// The smoothed velocity is the derivative of the smoothed position, and acceleration that of velocity, along ramps too.
 #[test]
-fn smoothed_derivatives_belong_together() {
+fn smoothed_velocity_and_acceleration_are_derivatives() {
     let motion = motion(0.12);
     let at = |time: f64| move |t: f64| motion.reference(time + t);
     let h = 1e-4;
@@ -105,14 +105,14 @@ fn limited(speed: f64, fastest: f64) -> (f64, f64, f64) {
 }
 
 #[test]
-fn a_trajectory_within_the_limit_stays_as_it_is() {
+fn a_trajectory_within_the_speed_limit_is_unchanged() {
     let (_, ahead, behind) = limited(0.12, 0.13);
     assert!(ahead < 1e-9 && behind > -1e-9, "{ahead} {behind}");
 }
 
 /// Faster than the limit: the limit is kept, and what it is ahead at first is about what it is behind in the end.
 #[test]
-fn a_trajectory_beyond_the_limit_is_begun_sooner() {
+fn a_trajectory_beyond_the_speed_limit_starts_earlier() {
     let (largest, ahead, behind) = limited(0.2, 0.14);
     assert!(largest < 0.14 * 1.001, "{largest}");
     assert!(ahead > 0.02 && behind < -0.02, "{ahead} {behind}");
@@ -120,7 +120,7 @@ fn a_trajectory_beyond_the_limit_is_begun_sooner() {
 }
 
 #[test]
-fn the_governor_leaves_small_errors_to_feedback_and_returns_from_large_ones() {
+fn the_governor_acts_on_large_errors_only_and_its_offset_decays() {
     let governor = ReferenceGovernor {
         largest_error: 4e-3,
         rate: 1.5,

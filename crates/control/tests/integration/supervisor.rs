@@ -101,7 +101,7 @@ proptest! {
 
     /// Stretches of anything: how long, what is asked at first and then, what is wrong, how time passes.
     #[test]
-    fn the_load_is_released_by_proof_only_and_a_fault_ends_by_reset_of_an_operator_only(
+    fn release_needs_a_proof_and_leaving_a_fault_an_operators_reset(
         stretches in prop::collection::vec(
             (1_u32..900, 0_usize..7, prop::bool::weighted(0.7), 0_u8..60, 0_u8..12), 1..30)
     ) {
@@ -172,10 +172,10 @@ proptest! {
                     let severity = |d: &Decision| d.cause.map(Cause::severity);
                     prop_assert!(severity(&now) >= severity(&before), "a milder fault hides it");
                 }
-                // a clock that tells no time counts as a period
-                let told = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
+                // an invalid time counts as one period
+                let is_valid = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
                 faulty_for = match now.cause == before.cause {
-                    true => faulty_for + if told { seen.elapsed } else { l.period },
+                    true => faulty_for + if is_valid { seen.elapsed } else { l.period },
                     false => 0.0,
                 };
                 if now.state == State::Fault && faulty_for > rig.supervisor.bound() + elapsed {
@@ -190,7 +190,7 @@ proptest! {
 }
 
 #[test]
-fn every_fault_has_a_cause_a_person_understands_and_reaches_the_safe_state_in_time() {
+fn every_fault_has_a_cause_and_reaches_the_safe_state_in_time() {
     let l = limits();
     for state in [State::Ready, State::Holding, State::Moving, State::Stopping] {
         for how in (0..7).chain([9, 10, 11, 12, 17, 18, 19]) {
@@ -246,7 +246,7 @@ fn no_fault_hides_a_more_severe_one() {
 }
 
 #[test]
-fn an_emergency_stop_is_latched_in_every_state_and_a_milder_fault_does_not_take_its_place() {
+fn an_emergency_stop_is_latched_and_not_replaced_by_a_milder_fault() {
     for state in State::ALL {
         let mut rig = match state {
             State::Idle => Rig::new(),
@@ -318,7 +318,7 @@ fn after_a_lost_watchdog_interval_the_load_stays_held() {
 }
 
 #[test]
-fn periods_that_are_missed_again_and_again_are_a_fault_and_a_stop_keeps_its_time() {
+fn repeatedly_missed_periods_are_a_fault_and_a_stop_keeps_its_duration() {
     let mut rig = Rig::brought_to(State::Moving);
     let (mut time, mut found) = (0.0, None);
     while time < 2.0 {
@@ -337,7 +337,7 @@ fn periods_that_are_missed_again_and_again_are_a_fault_and_a_stop_keeps_its_time
 }
 
 #[test]
-fn every_state_says_what_it_waits_for_and_gives_up() {
+fn every_state_reports_what_it_waits_for_and_times_out() {
     // a transducer below its range at rest: Idle is left by a fault that names it
     let mut rig = Rig::new();
     let mut time = 0.0;
@@ -379,7 +379,7 @@ fn every_state_says_what_it_waits_for_and_gives_up() {
 
 /// A load that creeps in Fault keeps it from being reset until it stays, and then no longer.
 #[test]
-fn a_held_load_is_watched_in_fault_and_can_be_reset_once_it_stays() {
+fn a_creeping_held_load_prevents_a_reset_until_it_rests() {
     let mut rig = Rig::brought_to(State::Moving);
     rig.well(Request::EmergencyStop);
     (0..2000).for_each(|_| rig.well(Request::None));
@@ -406,7 +406,7 @@ fn a_held_load_is_watched_in_fault_and_can_be_reset_once_it_stays() {
 }
 
 #[test]
-fn a_valve_that_does_not_switch_is_found_where_it_can_be_read() {
+fn a_valve_that_does_not_switch_is_detected_by_its_position_switch() {
     use hydroboom_control::supervision::limits::ValveState;
     for (state, shown) in [(State::Holding, ValveState::Open), (State::Moving, ValveState::Shut)] {
         let mut rig = Rig::brought_to(state);
@@ -420,7 +420,7 @@ fn a_valve_that_does_not_switch_is_found_where_it_can_be_read() {
 }
 
 #[test]
-fn a_drive_that_turns_by_itself_shuts_the_valve_within_50_ms_in_any_state() {
+fn uncommanded_rotation_shuts_the_valve_within_50_ms_in_any_state() {
     for state in [State::Ready, State::Holding, State::Moving, State::Stopping] {
         let mut rig = Rig::brought_to(state);
         for _ in 0..50 {
@@ -435,7 +435,7 @@ fn a_drive_that_turns_by_itself_shuts_the_valve_within_50_ms_in_any_state() {
 }
 
 #[test]
-fn a_signal_that_stands_still_or_scatters_is_noticed() {
+fn a_stuck_or_noisy_sensor_is_detected() {
     let mut rig = Rig::brought_to(State::Moving);
     for k in 0..300 {
         rig.step(1e-3, Request::None, |seen| seen.reading.pressure_a = 68e5);
@@ -453,7 +453,7 @@ fn a_signal_that_stands_still_or_scatters_is_noticed() {
 }
 
 #[test]
-fn a_load_that_still_swings_is_held_once_it_rests() {
+fn an_oscillating_load_is_held_once_it_rests() {
     let mut rig = Rig::new();
     // 3 Hz, 4 mm, as after an emergency stop; it dies out with 0.7 s
     let swing = |k: u32| {
@@ -474,7 +474,7 @@ fn a_load_that_still_swings_is_held_once_it_rests() {
 }
 
 #[test]
-fn a_position_that_drifts_or_exaggerates_disagrees_with_the_delivered_flow() {
+fn a_position_with_drift_or_gain_error_disagrees_with_the_flow() {
     // at rest 2 mm/s within 5 s; in motion a fifth too much
     for (wanted, drift, gain) in [(0.0, 2e-3, 0.0), (5.0, 0.0, 0.2)] {
         let mut rig = Rig::brought_to(State::Moving);
@@ -495,7 +495,7 @@ fn a_position_that_drifts_or_exaggerates_disagrees_with_the_delivered_flow() {
 }
 
 #[test]
-fn readings_that_were_missed_make_no_piston_run_away() {
+fn missed_readings_are_not_taken_for_a_runaway_piston() {
     let mut rig = Rig::brought_to(State::Moving);
     // of twelve readings eleven are missed, again and again
     let (mut k, mut read) = (0_u32, 0_u32);
@@ -516,9 +516,9 @@ fn readings_that_were_missed_make_no_piston_run_away() {
     }
 }
 
-/// A loop in sustained oscillation is told with amplitude and frequency, and is no fault within the limits.
+/// A sustained oscillation is reported with amplitude and frequency, and is no fault within the limits.
 #[test]
-fn a_loop_that_oscillates_at_rest_is_told() {
+fn an_oscillation_at_rest_is_reported_without_a_fault() {
     let mut rig = Rig::brought_to(State::Moving);
     let (frequency, mut time, mut middle) = (1.0, 0.0, None);
     let (mut low, mut high) = (f64::MAX, f64::MIN);

@@ -19,7 +19,7 @@ fn changed(from: &str, to: &str) -> String {
 }
 
 #[test]
-fn the_embedded_crane_is_complete_and_unsuspicious() {
+fn the_embedded_crane_is_complete_and_without_warnings() {
     let crane = Description::uia_single_boom().unwrap();
     assert_eq!(crane.numbers.boom_length, 3.6);
     assert!(crane.warnings().is_empty(), "{:?}", crane.warnings());
@@ -28,7 +28,7 @@ fn the_embedded_crane_is_complete_and_unsuspicious() {
 }
 
 #[test]
-fn a_value_shows_in_the_unit_it_was_written_in() {
+fn a_value_is_shown_in_the_unit_of_its_file() {
     let crane = Description::uia_single_boom().unwrap();
     let value = |path: &str| crane.entries().find(|(key, ..)| key.path() == path).unwrap().1;
     assert_eq!(value("cylinder.piston_mm"), 65.0);
@@ -82,7 +82,7 @@ fn a_count_with_a_fraction_is_refused() {
 }
 
 #[test]
-fn a_problem_points_at_its_place() {
+fn an_error_points_at_its_line_and_value() {
     let text = changed("value = 10.6,", "value = -3,");
     let error = Description::parse("test.toml", &text).unwrap_err();
     let span = error.problems[0].span.unwrap();
@@ -95,7 +95,7 @@ fn a_problem_points_at_its_place() {
 
 /// A line without end and a thousand mistakes give messages of bounded length.
 #[test]
-fn a_message_is_as_long_as_a_screen() {
+fn an_error_message_fits_on_a_screen() {
     let lines = "wrong = 1\n".repeat(10_000);
     for text in ["[".repeat(200_000), format!("[a]\nb = \"{}\"", "x".repeat(200_000)), lines] {
         let error = Description::parse("test.toml", &text).unwrap_err();
@@ -147,7 +147,7 @@ fn impossible_machines_are_refused() {
 
 /// A pump that delivers 91 % of what it displaces has to turn faster for the same speed of the piston; computed delivery has no such factor.
 #[test]
-fn the_motor_speed_that_a_motion_needs_counts_what_the_pump_delivers() {
+fn the_required_motor_speed_includes_the_pumps_flow_gain() {
     let mut crane = Description::uia_single_boom().unwrap();
     let n = &crane.numbers;
     let displaced = n.fast * crane.cylinder().piston_area / n.displacement * 60.0;
@@ -162,7 +162,7 @@ fn the_motor_speed_that_a_motion_needs_counts_what_the_pump_delivers() {
 }
 
 #[test]
-fn friction_that_falls_with_speed_is_warned_of() {
+fn friction_that_falls_with_speed_gives_a_warning() {
     let mut crane = Description::uia_single_boom().unwrap();
     crane.set("friction.viscous_ns_per_m=1000").unwrap();
     crane.set("friction.stiction_n=350").unwrap();
@@ -180,7 +180,7 @@ fn truncated_binary_and_huge_files_are_refused() {
 
 /// Keys of model following are refused with what replaced them, in a file and as overrides.
 #[test]
-fn keys_that_were_replaced_name_their_successors() {
+fn replaced_keys_are_refused_with_their_successors() {
     let text = format!("{UIA_SINGLE_BOOM}\n[following]\nbandwidth_hz = 2.0\n");
     let message = refused(&text);
     assert!(message.contains("`following.bandwidth_hz`"), "{message}");
@@ -213,7 +213,7 @@ fn overrides_are_checked_like_the_file() {
 }
 
 #[test]
-fn a_crane_on_a_valve_has_the_keys_of_its_kind_and_no_others() {
+fn a_valve_controlled_crane_has_the_keys_of_its_circuit_only() {
     let crane = Description::patu_lift().unwrap();
     assert_eq!(crane.choices.circuit, CircuitChoice::ValveControlled);
     let has = |path: &str| crane.own_entries().any(|(key, ..)| key.path() == path);
@@ -240,7 +240,7 @@ fn a_crane_on_a_valve_has_the_keys_of_its_kind_and_no_others() {
 }
 
 #[test]
-fn what_needs_another_circuit_says_so() {
+fn a_crane_with_the_wrong_circuit_is_refused_with_a_reason() {
     let valve = Description::patu_lift().unwrap();
     let error = valve.crane::<2>().unwrap_err();
     assert!(matches!(error, BuildError::Circuit { .. }));

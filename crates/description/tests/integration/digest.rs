@@ -7,7 +7,7 @@ fn digest(text: &str) -> String {
 }
 
 #[test]
-fn a_digest_is_of_the_machine_and_not_of_its_file() {
+fn a_digest_depends_on_the_machine_and_not_on_its_file() {
     let whole = digest(UIA_SINGLE_BOOM);
     assert!(whole.len() == 64 && whole.chars().all(|c| c.is_ascii_hexdigit()), "{whole}");
     // sections in reverse order, without comments

@@ -11,7 +11,7 @@ use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM, UIA_VIRTUAL
 const MOST_SAID: usize = 200_000;
 
 #[test]
-fn damaged_crane_files_are_read_or_refused_in_few_words() {
+fn damaged_crane_files_are_read_or_refused_with_a_short_message() {
     each("crane file", |seed| {
         let whole = [UIA_SINGLE_BOOM, UIA_VIRTUAL, PATU_LIFT];
         let bytes = damaged(whole[seed as usize % 3].as_bytes(), &mut Chance::new(seed));

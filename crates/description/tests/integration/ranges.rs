@@ -38,7 +38,7 @@ fn a_range_of_the_file_is_read_in_the_keys_unit() {
 }
 
 #[test]
-fn wrong_ranges_are_refused_where_they_stand() {
+fn wrong_ranges_are_refused_with_their_line() {
     for (line, says, helps, marked) in [
         ("value = 307, range = [370, 0]", "370 to 0 kg", "range = [0, 370]", "[370, 0]"),
         (
@@ -65,7 +65,7 @@ fn wrong_ranges_are_refused_where_they_stand() {
 }
 
 #[test]
-fn a_range_that_reaches_an_impossible_machine_is_warned_of() {
+fn a_range_that_reaches_an_impossible_machine_gives_a_warning() {
     let text = UIA_SINGLE_BOOM.replace("range = [2.0, 3.0]", "range = [0.2, 3.0]");
     let crane = Description::parse("test.toml", &text).unwrap();
     let warnings = crane.warnings();
@@ -89,7 +89,7 @@ fn without_a_range_the_default_spread_follows_the_value() {
 }
 
 #[test]
-fn every_default_range_has_its_value_and_leads_to_machines_that_can_exist() {
+fn every_default_range_contains_its_value_and_has_possible_bounds() {
     for crane in [Description::uia_virtual().unwrap(), Description::patu_lift().unwrap()] {
         let (low, high) = (crane.ranges().low.to_array(), crane.ranges().high.to_array());
         for (index, (value, key)) in crane.numbers.to_array().iter().zip(KEYS).enumerate() {
@@ -153,7 +153,7 @@ fn limits_that_contradict_each_other_are_refused() {
 
 /// Two numbers that are each correlated by 0.9 with a third cannot be uncorrelated.
 #[test]
-fn correlations_that_no_covariance_has_are_refused() {
+fn correlations_that_no_covariance_matrix_can_have_are_refused() {
     let mut crane = Description::uia_single_boom().unwrap();
     crane.set("tip.bending_base_correlation=-0.9").unwrap();
     let message =
@@ -166,7 +166,7 @@ fn correlations_that_no_covariance_has_are_refused() {
 }
 
 #[test]
-fn overrides_that_are_possible_together_are_accepted_in_any_order() {
+fn overrides_valid_together_are_accepted_in_any_order() {
     let crane = Description::uia_single_boom().unwrap();
     let thick = ["cylinder.rod_mm=70", "cylinder.piston_mm=100"];
     assert!(crane.clone().set(thick[0]).is_err());

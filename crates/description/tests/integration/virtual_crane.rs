@@ -8,7 +8,7 @@ fn keys(a: &Description, b: &Description) -> Vec<String> {
 }
 
 #[test]
-fn what_a_file_leaves_out_is_typical_and_the_rest_is_the_files() {
+fn missing_equipment_keys_take_typical_values_only() {
     let mut model = Description::uia_single_boom().unwrap();
     model.set("payload.mass_kg=250").unwrap();
     let (machine, filled_in) = model.virtual_crane();
@@ -36,7 +36,7 @@ fn what_a_file_leaves_out_is_typical_and_the_rest_is_the_files() {
 }
 
 #[test]
-fn what_a_file_or_an_override_states_stays() {
+fn stated_values_are_not_replaced_by_typical_ones() {
     let text =
         format!("{UIA_SINGLE_BOOM}\n[drive]\nbandwidth_hz = 0\n[fieldbus]\ndelay_cycles = 3\n");
     let mut model = Description::parse("test.toml", &text).unwrap();
@@ -69,7 +69,7 @@ fn the_drive_and_the_transducers_suit_the_crane() {
 }
 
 #[test]
-fn a_crane_on_a_valve_stays_as_it_is() {
+fn a_valve_controlled_crane_is_left_unchanged() {
     let lift = Description::patu_lift().unwrap();
     let (machine, filled_in) = lift.virtual_crane();
     assert!(filled_in.is_empty() && machine.digest() == lift.digest());
@@ -88,7 +88,7 @@ fn the_text_of_typical_equipment_completes_a_file() {
 }
 
 #[test]
-fn differences_that_matter_come_first() {
+fn differences_are_sorted_by_their_effect() {
     let model = Description::uia_single_boom().unwrap();
     let mut machine = model.virtual_crane().0;
     machine.set("friction.law=lugre").unwrap();

@@ -93,7 +93,7 @@ fn in_operation(has_sync0: bool) -> BareMainDevice {
 }
 
 #[test]
-fn what_is_not_allowed_is_refused_with_its_code() {
+fn invalid_states_and_mailboxes_are_refused_with_their_codes() {
     // straight into OP; a number that is no state; bootstrap
     for (state, code) in [(8, InvalidStateChange), (7, UnknownState), (3, BootstrapNotSupported)] {
         assert_eq!(drive().request(state), (State::Init, Some(code)));
@@ -277,7 +277,7 @@ fn the_mailbox_takes_values_and_refuses_with_an_abort_code() {
 }
 
 #[test]
-fn a_drive_turns_by_the_unit_it_states_and_stops_when_outputs_stay_away() {
+fn a_drive_uses_its_stated_unit_and_stops_without_outputs() {
     let mut main = in_operation(true);
     let outputs = |word: u16, millirpm: i32| {
         let ([a, b], [c, d, e, f]) = (word.to_le_bytes(), millirpm.to_le_bytes());
@@ -313,7 +313,7 @@ fn a_drive_turns_by_the_unit_it_states_and_stops_when_outputs_stay_away() {
 }
 
 #[test]
-fn clocks_follow_the_first_one_and_receive_times_tell_the_delays() {
+fn clocks_follow_the_reference_clock_and_receive_times_give_delays() {
     let identity = Identity::default();
     let device = |drift| {
         let mut settings = Settings::new("drive", identity).with_mailbox();

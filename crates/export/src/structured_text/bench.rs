@@ -343,7 +343,7 @@ mod tests {
 
     /// Every type of input and output that a block may have.
     #[test]
-    fn conditions_and_counts_are_compared_as_numbers() {
+    fn booleans_and_integers_are_compared_as_numbers() {
         let truths = Values::Truths((0..CALLS).map(|call| call > 2).collect());
         let counts = Values::Counts((0..CALLS).map(|call| call as i32 / 100).collect());
         let ramp = Values::Numbers((0..CALLS).map(|call| call as f64).collect());
@@ -354,7 +354,7 @@ mod tests {
             outputs: vec![("bOn", truths, 1.0), ("nStatus", counts, 1.0)],
         };
         let text = test_bench(&[replay]).text();
-        for said in [
+        for expected in [
             "fbFramed(bEnable := vRecorded1, nMode := vRecorded2, xRef := aRecorded3[iCall]);",
             "(* FB_Framed.bEnable, FB_Framed.bOn *)\n    vRecorded1 : BOOL;",
             "    IF iCall = 200 THEN\n        vRecorded2 := 2;\n    END_IF;",
@@ -362,7 +362,7 @@ mod tests {
             "DINT_TO_LREAL(fbFramed.nStatus)",
             "bPassed := bPassedFramed;",
         ] {
-            assert!(text.contains(said), "{said} is not in\n{text}");
+            assert!(text.contains(expected), "{expected} is not in\n{text}");
         }
         iecst::parse_pou(&text.replace("LREAL#", "")).unwrap();
     }

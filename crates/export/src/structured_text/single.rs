@@ -49,7 +49,7 @@ mod tests {
     use hydroboom_description::Description;
 
     #[test]
-    fn no_long_type_and_no_test_bench_is_left() {
+    fn single_precision_text_has_no_lreal_and_no_test_bench() {
         let crane = Description::uia_single_boom().unwrap();
         let all = in_single_precision(units(&crane).unwrap()).unwrap();
         let text: String = all.iter().map(Unit::text).collect();
@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_that_single_precision_has_not_is_found() {
+    fn a_constant_beyond_single_precision_is_detected() {
         assert_eq!(too_large("a := 1.0E3 * b - 1.5E39;"), Some(1.5e39));
         assert_eq!(too_large("a := 1.0E3 * E39 + 1.0E-300;"), None);
     }

@@ -26,7 +26,7 @@ fn apart<const N: usize>(description: &Description, change: impl Fn(&mut Numbers
 }
 
 #[test]
-fn both_find_the_same_rest_with_few_and_many_segments_and_an_elastic_base() {
+fn both_solvers_find_the_same_equilibrium_for_every_boom() {
     let three = Description::uia_single_boom().unwrap();
     let text = include_str!("../../../../cranes/uia-virtual.toml");
     let many = Description::parse("uia-virtual", text).unwrap();

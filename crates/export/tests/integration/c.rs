@@ -231,7 +231,7 @@ fn flat_len() -> usize {
 }
 
 #[test]
-fn the_two_blocks_together_are_the_whole_crane() {
+fn hydraulics_and_boom_blocks_together_simulate_the_crane() {
     let description = Description::uia_single_boom().unwrap();
     let folder = folder("c-blocks");
     let [hydraulics, boom] = blocks(&description).unwrap();
@@ -376,8 +376,8 @@ int main()
     }
     let linked = ["-std=c++11", "main.cpp", "light_crane.o", "my_crane.o", "-lm", "-o", "program"];
     run("g++", &[&strict[..], &linked].concat());
-    let said = run("./program", &[]);
-    let found: Vec<f64> = said.split_whitespace().map(|v| v.parse().unwrap()).collect();
+    let printed = run("./program", &[]);
+    let found: Vec<f64> = printed.split_whitespace().map(|v| v.parse().unwrap()).collect();
     let inputs = [Input { pump_speed: 10.0, holding_valve: 1.0 }; 200];
     let seen = |crane: &Description| in_rust(crane, &inputs)[199][flat_len() + 3];
     assert_eq!(found[0], seen(&light));
@@ -386,7 +386,7 @@ int main()
 }
 
 #[test]
-fn what_is_no_beginning_of_a_name_is_no_prefix() {
+fn a_prefix_that_cannot_begin_a_name_is_refused() {
     let long = "a".repeat(Prefix::LONGEST + 1);
     for wrong in ["", "1st_", "_x", "__", "a-b", "a b", "\u{e4}_", "a;", "a\n", &long] {
         assert!(Prefix::new(wrong).is_err(), "{wrong:?}");
@@ -441,7 +441,7 @@ fn balancing(description: &Description, change: fn(&mut Numbers<f64>)) -> Vec<Cr
 }
 
 #[test]
-fn a_changed_crane_is_balanced_in_c_as_in_rust_and_rests() {
+fn a_changed_crane_starts_in_equilibrium_in_c_as_in_rust() {
     for description in [Description::uia_single_boom().unwrap(), lugre()] {
         for (name, value, change) in CHANGED {
             let folder = written("c-balance", &description, Precision::Double);

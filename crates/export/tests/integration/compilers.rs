@@ -28,9 +28,9 @@ fn compiled(compiler: &str, arguments: impl Fn(&PathBuf) -> Vec<String>) {
         let file = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{compiler}-{name}.st"));
         std::fs::write(&file, text).unwrap();
         let output = Command::new(compiler).args(arguments(&file)).output().unwrap();
-        let said = [output.stdout, output.stderr].concat();
-        let said = String::from_utf8_lossy(&said);
-        assert!(output.status.success(), "{compiler}, {name}: {said}");
+        let printed = [output.stdout, output.stderr].concat();
+        let printed = String::from_utf8_lossy(&printed);
+        assert!(output.status.success(), "{compiler}, {name}: {printed}");
     }
 }
 

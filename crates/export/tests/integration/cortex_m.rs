@@ -136,10 +136,10 @@ fn a_microcontroller_computes_the_same_to_the_last_bit() {
         .args(["-semihosting-config", "enable=on,target=native", "-kernel", "crane.elf"])
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned()
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned()
         + &String::from_utf8_lossy(&output.stderr);
     let found: Vec<u64> =
-        said.lines().filter_map(|l| u64::from_str_radix(l.trim(), 16).ok()).collect();
+        printed.lines().filter_map(|l| u64::from_str_radix(l.trim(), 16).ok()).collect();
 
     let crane = description.crane::<3>().unwrap();
     let n = &description.numbers;
@@ -159,5 +159,5 @@ fn a_microcontroller_computes_the_same_to_the_last_bit() {
         &[state.circuit.gas_volume],
     ];
     let wanted: Vec<u64> = parts.concat().into_iter().map(f64::to_bits).collect();
-    assert_eq!(found, wanted, "{said}");
+    assert_eq!(found, wanted, "{printed}");
 }

@@ -123,7 +123,7 @@ fn from_packed_source(path: &str, version: Version) -> String {
 }
 
 #[test]
-fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
+fn an_fmu_and_its_source_give_the_results_of_rust() {
     let Some(python) = python() else { return };
     let description = Description::uia_single_boom().unwrap();
     let crane = description.crane::<3>().unwrap();
@@ -147,9 +147,9 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
     let paths = BOTH.map(|version| written("model", version));
     let again = [0, 1].map(|k| from_packed_source(&paths[k], BOTH[k]));
     for path in paths.iter().chain(&again) {
-        let said = fmpy(&python, &["simulated", path, table.to_str().unwrap(), outputs]);
+        let printed = fmpy(&python, &["simulated", path, table.to_str().unwrap(), outputs]);
         let found: Vec<Vec<f64>> =
-            said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+            printed.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
         assert_eq!(found.len(), wanted.len());
         for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
             assert_eq!(found.as_slice(), wanted, "{path} after {k} ms");
@@ -160,7 +160,7 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
 /// A release, a motion and wrong inputs, recorded in closed loop: the FMUs of both framed controllers give Rust's
 /// outputs.
 #[test]
-fn framed_controllers_are_those_of_rust() {
+fn fmus_of_framed_controllers_give_the_outputs_of_rust() {
     let Some(python) = python() else { return };
     let model = Description::uia_single_boom().unwrap();
     let machine = Description::uia_virtual().unwrap();
@@ -191,9 +191,11 @@ fn framed_controllers_are_those_of_rust() {
         for version in BOTH {
             let path = written(what, version);
             let outputs = FrameOutput::NAMES.join("+");
-            let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), &outputs]);
-            let found: Vec<Vec<f64>> =
-                said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+            let printed = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), &outputs]);
+            let found: Vec<Vec<f64>> = printed
+                .lines()
+                .map(|l| l.split(',').map(|v| v.parse().unwrap()).collect())
+                .collect();
             assert_eq!(found.len(), recorder.rows.len());
             for (k, (found, (_, wanted))) in found.iter().zip(&recorder.rows).enumerate() {
                 assert_eq!(found.as_slice(), wanted.to_array(), "{what} {version:?} in period {k}");
@@ -203,7 +205,7 @@ fn framed_controllers_are_those_of_rust() {
 }
 
 #[test]
-fn states_are_kept_and_instances_do_not_know_of_each_other() {
+fn states_are_saved_and_instances_are_independent() {
     let Some(python) = python() else { return };
     for version in BOTH {
         assert_eq!(fmpy(&python, &["kept", &written("model", version)]), "", "{version:?}");
@@ -211,8 +213,8 @@ fn states_are_kept_and_instances_do_not_know_of_each_other() {
 }
 
 /// Each logged line contains one of these texts, in their order, and there are no other lines.
-fn told(said: &str, wanted: &[&str]) {
-    let lines: Vec<&str> = said.lines().collect();
+fn lines_contain(printed: &str, wanted: &[&str]) {
+    let lines: Vec<&str> = printed.lines().collect();
     for (line, wanted) in lines.iter().zip(wanted) {
         assert!(line.contains(wanted), "{line:?} says nothing of {wanted:?} in {lines:#?}");
     }
@@ -220,15 +222,15 @@ fn told(said: &str, wanted: &[&str]) {
 }
 
 #[test]
-fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
+fn failed_calls_return_an_error_and_never_ok() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["diverged", &written("model", version)]);
+        let printed = fmpy(&python, &["diverged", &written("model", version)]);
         let mut wanted = vec!["diverged"];
         wanted.extend(["after a step that diverged"; 2]);
         wanted.extend(["no multiple"; 5]);
         wanted.extend(["only parameters"; 2]);
-        told(&said, &wanted);
+        lines_contain(&printed, &wanted);
     }
 }
 
@@ -236,7 +238,7 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
 fn calls_out_of_order_are_refused_and_those_in_order_go_on() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["disordered", &written("model", version)]);
+        let printed = fmpy(&python, &["disordered", &written("model", version)]);
         let mut wanted = vec!["before initialization"; 4];
         wanted.extend(["in initialization mode"; 3]);
         wanted.extend((version == Version::Two).then_some("in initialization mode"));
@@ -245,7 +247,7 @@ fn calls_out_of_order_are_refused_and_those_in_order_go_on() {
         wanted.extend(["not the end of the last step"; 2]);
         wanted.extend(["after termination"; 3]);
         wanted.extend(["before initialization", "beyond the stop time"]);
-        told(&said, &wanted);
+        lines_contain(&printed, &wanted);
     }
 }
 
@@ -253,10 +255,10 @@ fn calls_out_of_order_are_refused_and_those_in_order_go_on() {
 fn values_that_no_crane_can_have_are_refused() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["impossible", &written("model", version)]);
+        let printed = fmpy(&python, &["impossible", &written("model", version)]);
         let no_number = "payload_mass_kg cannot be set to a value that is no number";
-        told(
-            &said,
+        lines_contain(
+            &printed,
             &[
                 "cylinder_piston_mm = 0 is outside of its range, 5 to 1000",
                 "payload_mass_kg = -1 is outside of its range, 0 to 1000000",
@@ -307,8 +309,8 @@ fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
         ];
         for version in BOTH {
             let path = written("model", version);
-            let said = fmpy(&python, &["balanced", &path, names, values, outputs]);
-            let lines: Vec<&str> = said.lines().collect();
+            let printed = fmpy(&python, &["balanced", &path, names, values, outputs]);
+            let lines: Vec<&str> = printed.lines().collect();
             assert_eq!(lines.len(), 4, "{lines:?}");
             for pair in lines.chunks(2) {
                 let found = pair[0].split(',').map(|v| v.parse::<f64>().unwrap());
@@ -331,16 +333,16 @@ fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
 fn steps_at_large_times_are_those_at_small_ones() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        let said = fmpy(&python, &["late", &written("model", version)]);
+        let printed = fmpy(&python, &["late", &written("model", version)]);
         // rounding remainders are summed: the second such step is refused
-        told(&said, &["no multiple", "1"]);
+        lines_contain(&printed, &["no multiple", "1"]);
     }
 }
 
 /// Every variable has a nominal value; settable ones start within their range; every unit that base units can express
 /// is defined.
 #[test]
-fn variables_have_ranges_and_units_their_definition() {
+fn variables_have_ranges_and_their_units_are_defined() {
     let crane = Description::uia_single_boom().unwrap();
     for version in BOTH {
         let controllers = CONTROLLERS.map(|what| steering(&crane, what, version));
@@ -393,10 +395,13 @@ fn a_crane_file_whose_step_is_unstable_is_not_exported() {
     let refused = |overrides: &[&str], limit: &str| {
         let mut crane = Description::uia_single_boom().unwrap();
         overrides.iter().for_each(|set| crane.set(set).unwrap());
-        let said = crane_model(&crane).unwrap_err().to_string();
-        assert!(said.contains("simulation_period_us = ") && said.contains(limit), "{said}");
-        let said = simulation_feedforward(&crane).unwrap_err().to_string();
-        assert!(said.contains(limit), "{said}");
+        let message = crane_model(&crane).unwrap_err().to_string();
+        assert!(
+            message.contains("simulation_period_us = ") && message.contains(limit),
+            "{message}"
+        );
+        let message = simulation_feedforward(&crane).unwrap_err().to_string();
+        assert!(message.contains(limit), "{message}");
     };
     refused(&["controller.simulation_period_us=1000"], "limit of friction at rest");
     // bristles at the motor's largest speed
@@ -415,16 +420,16 @@ fn the_binary_for_linux_has_both_ways_to_multiply_and_add() {
     let place = folder().join("dispatched");
     let unit = model(&crane, Version::Two);
     binary(&unit, System::Linux, &place).unwrap().unwrap();
-    let said = |program: &str, arguments: &[&str]| {
+    let printed = |program: &str, arguments: &[&str]| {
         let output = Command::new(program).current_dir(&place).args(arguments).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
     };
-    let of = |object: &str| said("objdump", &["-d", object]).matches("vfmadd").count();
+    let of = |object: &str| printed("objdump", &["-d", object]).matches("vfmadd").count();
     assert_eq!((of("plain.o"), of("functions.o")), (0, 0));
     assert!(of("fused.o") > 100);
     // only the standard's functions are exported symbols
-    let seen = said("nm", &["-D", "--defined-only", "fmu.so"]);
+    let seen = printed("nm", &["-D", "--defined-only", "fmu.so"]);
     assert!(seen.lines().all(|line| line.contains(" fmi2")), "{seen}");
 }
 
@@ -498,8 +503,8 @@ fn directional_derivatives_are_the_slopes_of_the_model() {
         "stroke+pressure_pump_a+der_pressure_pump_a+der_angular_velocity_1+der_gas_volume";
     let known = "pump_speed+payload_mass_kg+state_pressure_pump_a";
     for version in BOTH {
-        let said = fmpy(&python, &["sloped", &written("model", version), unknown, known]);
-        let mut lines = said.lines();
+        let printed = fmpy(&python, &["sloped", &written("model", version), unknown, known]);
+        let mut lines = printed.lines();
         let mut row = || -> Vec<f64> {
             lines.next().unwrap().split(',').map(|v| v.parse().unwrap()).collect()
         };

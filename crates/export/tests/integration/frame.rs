@@ -95,7 +95,7 @@ fn stroke() -> usize {
 /// With the published gains an empty hook on soft oil becomes unstable: the frame switches to weaker gains, or holds
 /// the load.
 #[test]
-fn a_loop_that_swings_up_falls_back_or_is_held() {
+fn an_unstable_loop_falls_back_to_weaker_gains_or_is_held() {
     let (model, machine) = cranes();
     let mut forgiving = model.clone();
     forgiving.numbers.supervision_tracking = 0.2;
@@ -131,7 +131,7 @@ fn held(k: u32) -> FrameInput<f64> {
 
 /// A held load that sinks is detected at any speed.
 #[test]
-fn a_held_load_that_moves_is_told_at_any_speed() {
+fn motion_of_a_held_load_is_detected_at_any_speed() {
     let (model, _) = cranes();
     for speed in [1e-3, 5e-3, 12e-3, 20e-3, 100e-3] {
         let mut target = benchmark(&model);
@@ -152,7 +152,7 @@ fn a_held_load_that_moves_is_told_at_any_speed() {
 
 /// Implausible measurements, an infeasible reference and an oscillating load each prevent the release.
 #[test]
-fn what_is_not_plausible_is_told_before_anything_opens() {
+fn implausible_inputs_prevent_the_release() {
     let (model, _) = cranes();
     let wait = model.numbers.supervision_wait;
     type Change = fn(&mut FrameInput<f64>, u32);
@@ -180,7 +180,7 @@ fn what_is_not_plausible_is_told_before_anything_opens() {
 
 /// If the caller opens the valve without a command, the frame reports a status and the motor speed is zero.
 #[test]
-fn a_valve_that_is_open_without_being_asked_for_is_told_and_nothing_turns() {
+fn an_uncommanded_open_valve_is_reported_and_the_motor_stops() {
     let (model, _) = cranes();
     let mut target = benchmark(&model);
     let mut last = FrameOutput::default();
@@ -198,7 +198,7 @@ fn a_valve_that_is_open_without_being_asked_for_is_told_and_nothing_turns() {
 
 /// Only a reset without any remaining fault clears a fault; then the load can be released again.
 #[test]
-fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
+fn only_a_reset_clears_a_fault() {
     let (model, machine) = cranes();
     let mut start = machine.start(0.2);
     start.preload = 0.0;
@@ -260,7 +260,7 @@ fn recorded(target: Box<dyn Target>, case: &Case) -> Vec<(FrameInput<f64>, Frame
 
 /// A release, a move and a NaN position in motion, recorded in closed loop, give the same bits in C with two compilers.
 #[test]
-fn in_c_both_controllers_are_those_of_rust_to_the_last_bit() {
+fn both_framed_controllers_in_c_equal_rust_to_the_last_bit() {
     let (model, _) = cranes();
     let all = cases(&model);
     let is_wrong = |c: &&Case| {

@@ -77,7 +77,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn no_name_becomes_code(name in any::<String>()) {
+    fn random_names_do_not_alter_the_code(name in any::<String>()) {
         let crane = named(&name);
         prop_assert_eq!(&code_in_c(&crane), &USUAL.0);
         prop_assert_eq!(&code_in_text(&crane), &USUAL.1);
@@ -86,7 +86,7 @@ proptest! {
 }
 
 #[test]
-fn names_made_to_become_code_do_not() {
+fn names_made_for_code_injection_do_not_alter_the_code() {
     for name in [
         "*/ int evil(void); /*",
         "*) END_VAR evil := TRUE; (*",

@@ -185,7 +185,7 @@ fn loops_and_tables_in_c_are_those_in_rust_to_the_last_bit() {
 
 /// Unused results of a loop are not computed; the others count for each row.
 #[test]
-fn a_loop_counts_for_each_of_its_rows() {
+fn operations_of_a_loop_are_counted_for_each_row() {
     let block = block();
     let plan = Plan::of(&block).unwrap();
     let count = Count::of(&block.graph, &plan.entries[0]);
@@ -268,7 +268,7 @@ fn a_repeated_part_is_printed_once_as_a_function() {
         let calls = |other: &&Unit| {
             [format!(": {};", other.name), format!("{}(", other.name)]
                 .iter()
-                .any(|said| text.contains(said))
+                .any(|expected| text.contains(expected))
         };
         let called = units.iter().filter(calls);
         for other in called {
@@ -308,16 +308,16 @@ fn a_functions_comment_names_the_rows_of_all_loops_that_call_it() {
                 called.entry(name).or_default().insert(count);
             }
         }
-        let mut told = 0;
+        let mut commented = 0;
         for text in source.split("Part of the ").skip(1) {
             let Some((comment, rest)) = text.split_once(" rows.") else { continue };
             let (_, rows) = comment.split_once("for each of ").unwrap();
             let rows = rows.split_whitespace().filter_map(|word| word.parse().ok()).collect();
             let name = named(rest.split_once("static ").unwrap().1).unwrap();
             assert_eq!(called.get(&name), Some(&rows), "{name}: {comment}");
-            told += 1;
+            commented += 1;
         }
-        assert_eq!(told, called.len());
+        assert_eq!(commented, called.len());
     }
 }
 
@@ -366,7 +366,7 @@ fn in_place_in_text(body: &str) -> Vec<&str> {
 }
 
 #[test]
-fn no_body_of_a_loop_stands_in_place() {
+fn loop_bodies_are_not_inlined() {
     let crane = Description::uia_single_boom().unwrap();
     for block in [block(), recorded(sums), scheduled_lqr_controller(&crane).unwrap()] {
         for precision in [Precision::Double, Precision::Single] {

@@ -65,7 +65,7 @@ fn everything(k: usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>) {
 /// A release, standstill and motion with the whole preview, a short one and none: all outputs and states in every
 /// period.
 #[test]
-fn what_was_recorded_gives_the_same_bits_in_c() {
+fn recorded_periods_give_the_same_bits_in_c() {
     let folder = folder("c-scheduled-lqr");
     let program = compiled(&folder, Precision::Double, &[]);
     let names = names();
@@ -159,7 +159,7 @@ impl Target for Spoilt {
 
 /// The load is held, or the tracking is as good as with a shorter preview.
 #[test]
-fn a_preview_that_is_no_number_moves_the_load_nowhere_else() {
+fn a_nonfinite_preview_does_not_displace_the_load() {
     let (model, machine) = cranes();
     let spoils: [(&str, Spoil); 7] = [
         ("next position", |a| a.position[0] = f64::NAN),
@@ -193,7 +193,7 @@ fn a_preview_that_is_no_number_moves_the_load_nowhere_else() {
 /// The compiled block behind its pipes, as in `hydroboom export closed-loop`, gives Rust's results, with and without
 /// preview.
 #[test]
-fn the_program_of_the_closed_loop_gives_what_rust_gives() {
+fn the_closed_loop_program_gives_the_results_of_rust() {
     let (model, machine) = cranes();
     let block = scheduled_lqr_controller(&model).unwrap();
     for length in [800, 0] {
@@ -214,7 +214,7 @@ fn the_program_of_the_closed_loop_gives_what_rust_gives() {
 
 /// In closed loop with the virtual crane, with different previews.
 #[test]
-fn it_moves_the_load_with_any_preview() {
+fn the_reference_is_tracked_with_any_preview_length() {
     for (length, (recording, outcome)) in PREVIEWS.into_iter().zip(without_requests()) {
         assert_eq!(outcome.status, frame_phase::CONTROLLING, "{length}: {outcome:?}");
         let errors = recording.stroke.iter().map(|[x, r]| (x - r).abs());
@@ -253,7 +253,7 @@ const SHARE: f64 = 1e-6;
 /// Two seconds from the opening of the valve: engagement, standstill and the beginning of a motion. The example
 /// `scheduled_lqr_targets` runs a minute from power-up.
 #[test]
-fn structured_text_shows_what_rust_does() {
+fn structured_text_gives_the_results_of_rust() {
     let recording = without_requests()[0].0.until(2000);
     let found = in_structured_text(Precision::Double, &recording);
     for (name, share) in shares_off(&found, &recording) {
@@ -281,7 +281,7 @@ fn structured_text_in_single_precision_stays_near_double() {
 
 /// Each result is rounded like single precision in Rust.
 #[test]
-fn the_evaluator_rounds_what_is_real() {
+fn the_evaluator_rounds_real_to_single_precision() {
     let text = "FUNCTION_BLOCK FB_Rounded\nVAR_INPUT\n x : REAL;\nEND_VAR\nVAR_OUTPUT\n y : REAL;\n z : REAL;\nEND_VAR\n\
                 y := x * x - 0.1E0 / SQRT(x);\nz := EXP(-x) + DINT_TO_REAL(REAL_TO_DINT(x));\nEND_FUNCTION_BLOCK";
     let mut block = Instance::parse(text);
@@ -296,7 +296,7 @@ fn the_evaluator_rounds_what_is_real() {
 
 /// From power-up, the only initial state of an FMU. FMI 2.0 has no arrays, and is tested up to the end of the release.
 #[test]
-fn an_fmu_shows_what_rust_does() {
+fn an_fmu_gives_the_results_of_rust() {
     let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
         eprintln!("skipped: HYDROBOOM_FMPY names no Python with FMPy");
         return;

@@ -82,7 +82,7 @@ fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
 /// Each step begins at Rust's state. The published step chatters at the load-holding valves, so that two runs with
 /// different rounding diverge there by bars, both equally correct.
 #[test]
-fn each_of_ten_thousand_steps_is_that_in_rust() {
+fn each_of_ten_thousand_steps_equals_that_in_rust() {
     for description in cranes() {
         let (mut hydraulics, mut boom, crane, mut state) = beside(&description);
         for (k, input) in inputs(10_000).iter().enumerate() {
@@ -109,7 +109,7 @@ fn each_of_ten_thousand_steps_is_that_in_rust() {
 }
 
 #[test]
-fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
+fn a_motion_ends_as_in_rust_and_can_be_restarted() {
     let description = Description::uia_single_boom().unwrap();
     let (mut hydraulics, mut boom, crane, mut state) = beside(&description);
     let begin = crane.outputs(&state);
@@ -226,7 +226,7 @@ fn the_test_bench_passes_on_other_cranes_and_platforms() {
 }
 
 #[test]
-fn the_test_bench_passes_as_exported_and_can_begin_again() {
+fn the_test_bench_passes_as_exported_and_can_be_restarted() {
     let (others, text) = with_bench();
     for name in REPLAYED {
         assert!(text.contains(&format!("fb{name} : FB_{name};")), "{name} is not replayed");
@@ -256,7 +256,7 @@ fn the_test_bench_passes_as_exported_and_can_begin_again() {
 
 /// A parameter of a block within the bench, and the block that fails after its change.
 #[test]
-fn the_test_bench_says_which_block_differs() {
+fn the_test_bench_names_the_block_that_differs() {
     let (others, text) = with_bench();
     let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
     let changes = [
@@ -285,7 +285,7 @@ fn the_test_bench_says_which_block_differs() {
 
 /// The hydraulics are also compared while the 3/2 valve is closed: with an open valve they fail.
 #[test]
-fn the_test_bench_sees_the_valve_switch() {
+fn the_test_bench_covers_the_closed_valve() {
     let (others, text) = with_bench();
     // a call may be broken between two lines
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -299,7 +299,7 @@ fn the_test_bench_sees_the_valve_switch() {
 
 /// NaN in a single call, followed by a reset, is still reported.
 #[test]
-fn the_test_bench_does_not_forget_what_was_no_number() {
+fn the_test_bench_latches_a_nan() {
     let (others, text) = with_bench();
     let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
     let states = [
@@ -322,7 +322,7 @@ fn the_test_bench_does_not_forget_what_was_no_number() {
 
 /// A change of one number in every second recorded array makes exactly the recorded blocks fail.
 #[test]
-fn the_test_bench_notices_one_number_that_was_changed() {
+fn the_test_bench_detects_one_changed_number() {
     let (others, text) = with_bench();
     let mut seen = Vec::new();
     let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
@@ -401,7 +401,7 @@ fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
 }
 
 #[test]
-fn a_parameter_that_was_changed_counts_once_that_is_said() {
+fn a_changed_parameter_takes_effect_on_prepare_only() {
     let description = Description::uia_single_boom().unwrap();
     let [hydraulics, _] = blocks(&description).unwrap();
     let text = text_of(&hydraulics);
@@ -449,7 +449,7 @@ fn shown_after(
 
 /// `bPrepare` in any step of a control period reaches every inner block.
 #[test]
-fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
+fn prepare_in_any_call_applies_a_changed_parameter() {
     let description = Description::uia_single_boom().unwrap();
     let name = "FB_SimulationFeedforward";
     let changes = [
@@ -526,14 +526,14 @@ fn the_evaluator_refuses_what_the_standard_does() {
         ("fb(u := b);", "types of u "),
         ("x(u := x);", "x is number"),
     ];
-    let texts = wrong.map(|(statement, said)| (few(variables, statement), said));
+    let texts = wrong.map(|(statement, expected)| (few(variables, statement), expected));
     let twice = (few("x : LREAL; X : DINT;", ""), "X is declared twice");
     let unknown = (few("fb : FB_Missing;", ""), "no unit FB_MISSING");
     let initial = (few("x : LREAL := TRUE;", ""), "types of x ");
-    for (text, said) in texts.into_iter().chain([twice, unknown, initial]) {
+    for (text, expected) in texts.into_iter().chain([twice, unknown, initial]) {
         let panic = std::panic::catch_unwind(|| read(&text)).expect_err(&text);
         let message = panic.downcast_ref::<String>().unwrap();
-        assert!(message.contains(said), "{text}: {message}");
+        assert!(message.contains(expected), "{text}: {message}");
     }
 }
 
@@ -607,10 +607,10 @@ fn the_evaluator_refuses_calls_that_the_standard_does() {
         ("x := F_Missing(u := x);", "F_Missing"),
         ("a[0] := F_Twice(u := TRUE);", "types of u "),
     ];
-    for (statement, said) in wrong {
+    for (statement, expected) in wrong {
         let panic = std::panic::catch_unwind(|| calling(declared, statement)).expect_err(statement);
         let message = panic.downcast_ref::<String>().unwrap();
-        assert!(message.contains(said), "{statement}: {message}");
+        assert!(message.contains(expected), "{statement}: {message}");
     }
 }
 
@@ -633,7 +633,7 @@ fn words(text: &str) -> Vec<String> {
 
 /// Names valid in the standard, and numbers that each tool reads as an LREAL or as a DINT.
 #[test]
-fn plain_text_keeps_to_the_standard() {
+fn plain_text_conforms_to_the_standard() {
     // of the language, and of its functions and function blocks
     let keywords = "ABS ACOS ACTION ADD AND ARRAY ASIN AT ATAN BOOL BY BYTE CAL CASE CONCAT CONFIGURATION CONSTANT COS CTD CTU \
         CTUD DATE DELETE DINT DIV DO DT DWORD ELSE ELSIF EN ENO EQ EXIT EXP EXPT FALSE FIND FOR FROM FUNCTION GE GT IF IN INSERT \
@@ -684,13 +684,13 @@ fn plain_text_keeps_to_the_standard() {
 
 /// Programs declare the global variables that they use, with the types of the configuration, and each has a task.
 #[test]
-fn the_configuration_has_what_the_programs_use_and_calls_them() {
+fn the_configuration_declares_globals_and_schedules_programs() {
     let description = Description::uia_single_boom().unwrap();
     let all = units(&description).unwrap();
     let configuration = all.last().unwrap();
     assert_eq!(configuration.kind, Kind::Globals);
     let text = configuration.text();
-    for said in [
+    for expected in [
         "CONFIGURATION Hydroboom\nVAR_GLOBAL\n",
         "END_VAR\n\nRESOURCE Controller ON PLC\n",
         "    TASK ControlTask(INTERVAL := T#1ms, PRIORITY := 1);\n",
@@ -698,7 +698,7 @@ fn the_configuration_has_what_the_programs_use_and_calls_them() {
         "    PROGRAM Control WITH ControlTask : PRG_Control;\n",
         "    PROGRAM TestBench WITH TestBenchTask : PRG_TestBench;\nEND_RESOURCE\nEND_CONFIGURATION\n",
     ] {
-        assert!(text.contains(said), "{said} is not in\n{text}");
+        assert!(text.contains(expected), "{expected} is not in\n{text}");
     }
     let project = plcopen::project(&all);
     let document = roxmltree::Document::parse(&project).unwrap();
@@ -730,7 +730,7 @@ fn the_configuration_has_what_the_programs_use_and_calls_them() {
 /// The program in a PLC gives the results of its block.
 /// The comment of the control task names every controller that may be called there.
 #[test]
-fn the_control_task_names_every_controller_that_may_take_its_place() {
+fn the_control_task_names_every_alternative_controller() {
     let units = units(&Description::uia_single_boom().unwrap()).unwrap();
     let control = units.iter().find(|unit| unit.name == "PRG_Control").unwrap();
     let has = |unit: &&Unit, name: &str| unit.variables.iter().any(|v| v.name == name);
@@ -745,7 +745,7 @@ fn the_control_task_names_every_controller_that_may_take_its_place() {
 }
 
 #[test]
-fn the_program_moves_global_variables() {
+fn the_program_reads_and_writes_global_variables() {
     let description = Description::uia_single_boom().unwrap();
     let mut control = steering(&description, "PRG_Control");
     let mut block = Instance::parse(&text_of(&controller(&description).unwrap()));
@@ -779,7 +779,7 @@ fn the_program_moves_global_variables() {
 }
 
 #[test]
-fn no_line_is_long_and_the_same_crane_gives_the_same_text() {
+fn lines_are_short_and_the_text_is_reproducible() {
     let description = Description::uia_single_boom().unwrap();
     let made = || -> Vec<String> {
         units(&description)

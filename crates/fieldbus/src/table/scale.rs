@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_comes_back_within_half_a_count_and_is_held_within_range_and_type() {
+    fn scaling_is_exact_to_half_a_count_and_limited_to_range_and_type() {
         let scale =
             Scale { kind: NumberType::I16, factor: -2e-3, offset: 5.0, range: [-20.0, 40.0] };
         for value in [-20.0, -3.333, 0.0, 4.999, 40.0] {
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_are_the_number_of_their_type() {
+    fn bits_are_decoded_by_their_number_type() {
         assert_eq!(NumberType::I16.number(0xffff), -1);
         assert_eq!(NumberType::U16.number(0xffff), 65535);
         assert_eq!(NumberType::I8.number(0x1_80), -128);

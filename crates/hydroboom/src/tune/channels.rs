@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_ends_at_its_limit_is_marked_in_table_note_and_json() {
+    fn a_channel_at_its_limit_is_marked_in_table_note_and_json() {
         let channel = |value: f64| Channel {
             log: "lift.csv".into(),
             nuisance: Nuisance::named("pressure_a.offset").unwrap()[0],

@@ -221,7 +221,7 @@ mod tests {
     use hydroboom_identify::Free;
 
     #[test]
-    fn searches_contradict_each_other_where_their_intervals_have_nothing_in_common() {
+    fn searches_with_disjoint_intervals_contradict_each_other() {
         let found = |value: f64, deviation: f64| Tuned {
             key: Free::from_path("payload.mass_kg").unwrap(),
             value: (200.0, value),

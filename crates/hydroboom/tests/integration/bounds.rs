@@ -1,6 +1,6 @@
 //! Inputs have bounded size, numbers have ranges, and messages cannot control a terminal.
 
-use crate::support::command::{files, hydroboom, parsed, says};
+use crate::support::command::{fails_with, files, hydroboom, parsed};
 use crate::support::short_crane::short_crane;
 use serde_json::{Value, json};
 use std::fs;
@@ -15,7 +15,7 @@ fn limited(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn an_endless_device_is_no_file() {
+fn an_endless_device_is_refused_as_an_input() {
     let at = files("endless");
     let (log, zero) = (at("v.csv"), "/dev/zero");
     let made = hydroboom(&["simulate", "--hold-s", "0.3", "--valve", "0", "--log", &log]);
@@ -39,9 +39,9 @@ fn an_endless_device_is_no_file() {
         [&run[..], &["--machine", zero]].concat(),
     ] {
         let output = limited(&arguments);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
-        assert!(said.contains(zero) && said.len() < 2000, "{arguments:?}: {said}");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
+        assert!(message.contains(zero) && message.len() < 2000, "{arguments:?}: {message}");
     }
 }
 
@@ -69,20 +69,20 @@ fn numbers_are_finite_and_within_their_ranges() {
     for option in options {
         for wrong in ["nan", "inf", "-inf", "1e300", "-30000", "many"] {
             let output = limited(&[option, &[wrong]].concat());
-            let said = String::from_utf8_lossy(&output.stderr);
-            assert_eq!(output.status.code(), Some(2), "{option:?} {wrong}: {said}");
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{option:?} {wrong}: {message}");
             // -inf is taken for an option
-            let is_told = said.contains("a number from") || wrong == "-inf";
-            assert!(is_told, "{option:?} {wrong}: {said}");
+            let is_refused = message.contains("a number from") || wrong == "-inf";
+            assert!(is_refused, "{option:?} {wrong}: {message}");
         }
     }
     for wrong in ["nan", "inf", "-1e300"] {
-        says(&hydroboom(&["validate", "--log", &log, "--from-s", wrong]), "a number from");
-        says(&hydroboom(&["check", "--set", &format!("payload.mass_kg={wrong}")]), "mass_kg");
+        fails_with(&hydroboom(&["validate", "--log", &log, "--from-s", wrong]), "a number from");
+        fails_with(&hydroboom(&["check", "--set", &format!("payload.mass_kg={wrong}")]), "mass_kg");
     }
     // finite, but too fast for the length of this motion
     for command in ["simulate", "virtual", "sensitivity"] {
-        says(&hydroboom(&[command, "--speed-mm-s", "9000"]), "for this motion, not 9000");
+        fails_with(&hydroboom(&[command, "--speed-mm-s", "9000"]), "for this motion, not 9000");
     }
 }
 
@@ -106,9 +106,12 @@ fn an_error_shows_an_excerpt_without_control_characters() {
         ] {
             let output = limited(&arguments);
             assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-            let said = String::from_utf8_lossy(&output.stderr);
-            assert!(said.len() < 40_000, "{arguments:?}: {} bytes", said.len());
-            assert!(!said.contains('\u{1b}') && !said.contains('\u{7}'), "{arguments:?}: {said}");
+            let message = String::from_utf8_lossy(&output.stderr);
+            assert!(message.len() < 40_000, "{arguments:?}: {} bytes", message.len());
+            assert!(
+                !message.contains('\u{1b}') && !message.contains('\u{7}'),
+                "{arguments:?}: {message}"
+            );
         }
     }
     // a name that is read from a file and printed
@@ -118,8 +121,8 @@ fn an_error_shows_an_excerpt_without_control_characters() {
     fs::write(&crane, named).unwrap();
     let shown = hydroboom(&["check", "--crane", &crane]);
     assert!(shown.status.success());
-    let said = String::from_utf8_lossy(&shown.stdout);
-    assert!(said.contains("\\u{1b}[2Jowned") && !said.contains('\u{1b}'), "{said}");
+    let message = String::from_utf8_lossy(&shown.stdout);
+    assert!(message.contains("\\u{1b}[2Jowned") && !message.contains('\u{1b}'), "{message}");
     let asked = limited(&["simulate", "--speed-mm-s", "\u{1b}[2J"]);
     assert!(!asked.stderr.contains(&0x1b));
 }
@@ -127,7 +130,7 @@ fn an_error_shows_an_excerpt_without_control_characters() {
 /// Estimator parameters that are invalid are refused when they are read, and accepted ones run. No
 /// parameter file ends the control task.
 #[test]
-fn retained_parameters_end_no_control_task() {
+fn invalid_retained_parameters_do_not_end_the_control_task() {
     let at = files("parameters");
     let path = at("p.json");
     let crane = short_crane(Path::new(&path).parent().unwrap());
@@ -151,16 +154,19 @@ fn retained_parameters_end_no_control_task() {
             changed[key] = value.clone();
             fs::write(&path, changed.to_string()).unwrap();
             let output = hydroboom(&run);
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(!said.contains("panicked"), "{key} = {value}: {said}");
+            let message = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(!message.contains("panicked"), "{key} = {value}: {message}");
             if output.status.success() {
                 let result: Value = serde_json::from_slice(&output.stdout).unwrap();
                 let rms = result["rms_measured_mm"].as_f64().unwrap();
-                assert!(result["fault"].is_null() && rms < 20.0, "{key} = {value}: {rms} {said}");
+                assert!(
+                    result["fault"].is_null() && rms < 20.0,
+                    "{key} = {value}: {rms} {message}"
+                );
             } else {
                 assert!(
-                    said.contains(key) || said.contains("deviations"),
-                    "{key} = {value}: {said}"
+                    message.contains(key) || message.contains("deviations"),
+                    "{key} = {value}: {message}"
                 );
             }
         }

@@ -1,11 +1,11 @@
 //! Commands as users run them, including invalid inputs.
 
-use crate::support::command::{files, folder, hydroboom, keys, parsed, says};
+use crate::support::command::{fails_with, files, folder, hydroboom, keys, parsed};
 use crate::support::short_crane::short_crane;
 use std::process::Command;
 
 #[test]
-fn every_command_explains_itself_with_an_example() {
+fn every_command_has_help_with_an_example() {
     for command in [
         "new",
         "check",
@@ -40,8 +40,8 @@ fn every_command_explains_itself_with_an_example() {
 }
 
 #[test]
-fn bounds_say_what_they_cannot_be_computed_of() {
-    for (arguments, said) in [
+fn bounds_refuses_wrong_payloads_speeds_and_scenarios() {
+    for (arguments, expected) in [
         (["--payload-kg", "0:100"], "--payload-kg goes from 0 to 100 kg"),
         (["--payload-kg", "0:99999"], "beyond the plant's range of payload.mass_kg, 0 to 382 kg"),
         (["--payload-kg", "400"], "payloads are LOW:HIGH in kg"),
@@ -53,13 +53,13 @@ fn bounds_say_what_they_cannot_be_computed_of() {
     ] {
         let mut all = vec!["bounds"];
         all.extend(arguments);
-        says(&hydroboom(&all), said);
+        fails_with(&hydroboom(&all), expected);
     }
     // an override of the motion applies to the course, whatever the plant is
     let shorter = ["bounds", "--speed-mm-s", "0.5", "--set", "motion.end_mm=300"];
-    says(&hydroboom(&shorter), "takes 1011 s");
+    fails_with(&hydroboom(&shorter), "takes 1011 s");
     let plant = ["bounds", "--plant", "../../cranes/half-mass.toml", "--payload-kg", "200:300"];
-    says(&hydroboom(&plant), "another payload.mass_kg in ../../cranes/half-mass.toml");
+    fails_with(&hydroboom(&plant), "another payload.mass_kg in ../../cranes/half-mass.toml");
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn a_new_crane_file_is_checked_and_shown() {
     let file = folder("new").join("crane.toml");
     let path = file.to_str().unwrap();
     assert!(hydroboom(&["new", path]).status.success());
-    says(&hydroboom(&["new", path]), "exists already");
+    fails_with(&hydroboom(&["new", path]), "exists already");
     assert!(hydroboom(&["check", "--crane", path]).status.success());
     let shown = hydroboom(&["show", "--crane", path, "--json"]);
     let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
@@ -76,56 +76,59 @@ fn a_new_crane_file_is_checked_and_shown() {
 
 /// A key that tune cannot change is refused with the reason, a misspelt one with a suggestion.
 #[test]
-fn keys_that_cannot_be_free_are_told_why() {
+fn keys_that_cannot_be_free_are_refused_with_the_reason() {
     let log = files("free")("log.csv");
     assert!(hydroboom(&["simulate", "--hold-s", "1", "--log", &log]).status.success());
     let tune = |key: &str| hydroboom(&["tune", "--log", &log, "--free", key]);
-    says(&tune("friction.law"), "it is a choice and no number");
-    says(&tune("motion.fast_mm_s"), "[motion] is of what is around it");
-    says(&tune("controller.proportional_per_s"), "[controller] is of what is around it");
-    says(&tune("pump.pistons"), "it is a whole number");
-    says(&tune("payload.mas_kg"), "did you mean payload.mass_kg?");
-    says(&tune("mass_kg"), "payload.mass_kg");
+    fails_with(&tune("friction.law"), "it is a choice and no number");
+    fails_with(&tune("motion.fast_mm_s"), "[motion] is of what is around it");
+    fails_with(&tune("controller.proportional_per_s"), "[controller] is of what is around it");
+    fails_with(&tune("pump.pistons"), "it is a whole number");
+    fails_with(&tune("payload.mas_kg"), "did you mean payload.mass_kg?");
+    fails_with(&tune("mass_kg"), "payload.mass_kg");
     let from = |text: &str| hydroboom(&["validate", "--log", &log, "--from-s", text]);
-    says(&from("900"), "from 900.000 s is beyond the end of the log");
+    fails_with(&from("900"), "from 900.000 s is beyond the end of the log");
     let to = hydroboom(&["validate", "--log", &log, "--to-s", "-3"]);
-    says(&to, "to -3.000 s is before the beginning of the log");
+    fails_with(&to, "to -3.000 s is before the beginning of the log");
 }
 
 /// An invalid negative number is reported for its option.
 #[test]
-fn a_negative_number_is_read_as_one() {
-    says(&hydroboom(&["design", "--family", "-3"]), "invalid value '-3' for '--family");
-    says(&hydroboom(&["motion", "--seed", "-3"]), "invalid value '-3' for '--seed");
+fn a_negative_number_is_read_as_a_value() {
+    fails_with(&hydroboom(&["design", "--family", "-3"]), "invalid value '-3' for '--family");
+    fails_with(&hydroboom(&["motion", "--seed", "-3"]), "invalid value '-3' for '--seed");
     let payloads = hydroboom(&["design", "--benchmark", "--payload-kg", "-5:100"]);
-    says(&payloads, "payloads are LOW:HIGH in kg");
-    says(&hydroboom(&["eigen", "--stroke-mm", "-100"]), "it is a number from 0 to 20000 mm");
+    fails_with(&payloads, "payloads are LOW:HIGH in kg");
+    fails_with(&hydroboom(&["eigen", "--stroke-mm", "-100"]), "it is a number from 0 to 20000 mm");
 }
 
 #[test]
-fn a_value_beyond_its_range_names_a_place_that_the_user_can_look_at() {
+fn a_value_beyond_its_range_is_refused_with_the_range_to_edit() {
     let beyond = ["--set", "payload.mass_kg=99999"];
     let embedded = hydroboom(&[&["check"], &beyond[..]].concat());
-    says(&embedded, "outside the embedded crane's range of payload.mass_kg, 0 to 370 kg");
-    says(&embedded, "hydroboom new my-crane.toml");
+    fails_with(&embedded, "outside the embedded crane's range of payload.mass_kg, 0 to 370 kg");
+    fails_with(&embedded, "hydroboom new my-crane.toml");
     assert!(!String::from_utf8_lossy(&embedded.stderr).contains("line "), "{embedded:?}");
     let file = files("beyond-range")("crane.toml");
     assert!(hydroboom(&["new", &file]).status.success());
     let named = hydroboom(&[&["check", "--crane", &file], &beyond[..]].concat());
-    says(&named, "widen `range` in line ");
+    fails_with(&named, "widen `range` in line ");
 }
 
 /// Output into a folder where no file can be created.
 #[test]
-fn an_export_lists_no_file_that_is_not_written() {
+fn an_export_lists_written_files_only() {
     let output = hydroboom(&["export", "c", "--out", "/proc/hydroboom"]);
-    says(&output, "/proc/hydroboom cannot be written");
-    let said = String::from_utf8_lossy(&output.stdout);
-    assert!(said.contains("no file is written") && !said.contains("hydroboom.h"), "{said}");
+    fails_with(&output, "/proc/hydroboom cannot be written");
+    let printed = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        printed.contains("no file is written") && !printed.contains("hydroboom.h"),
+        "{printed}"
+    );
 }
 
 #[test]
-fn a_new_crane_file_has_what_a_machine_has() {
+fn a_new_crane_file_has_the_keys_of_the_equipment() {
     let file = folder("complete").join("crane.toml");
     let path = file.to_str().unwrap();
     assert!(hydroboom(&["new", path]).status.success());
@@ -165,19 +168,22 @@ fn a_new_crane_file_has_what_a_machine_has() {
             .collect::<Vec<_>>()
     };
     assert_eq!(errors(&[&["--crane", path], &gains[..]].concat()), errors(&[]));
-    says(&hydroboom(&["check", "--crane", path, "--set", "payload.mass_kg=371"]), "0 to 370 kg");
+    fails_with(
+        &hydroboom(&["check", "--crane", path, "--set", "payload.mass_kg=371"]),
+        "0 to 370 kg",
+    );
 }
 
 #[test]
-fn a_crane_file_that_is_named_is_the_machine() {
+fn a_given_crane_file_also_describes_the_machine() {
     let folder = folder("named");
     let crane = short_crane(&folder);
     let run = |arguments: &[&str]| {
         let all =
             [arguments, &["--crane", &crane, "--set", "payload.mass_kg=250", "--json"]].concat();
         let output = hydroboom(&all);
-        let said = String::from_utf8_lossy(&output.stderr).to_string();
-        assert!(said.contains("drive.bandwidth_hz = 97.725 Hz"), "{arguments:?}: {said}");
+        let message = String::from_utf8_lossy(&output.stderr).to_string();
+        assert!(message.contains("drive.bandwidth_hz = 97.725 Hz"), "{arguments:?}: {message}");
         let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         let machine = &value["plant"];
         assert_eq!(machine["name"], "virtual crane of short", "{arguments:?}");
@@ -204,18 +210,18 @@ fn a_crane_file_that_is_named_is_the_machine() {
     // and the report mentions it
     let report = folder.join("run.html");
     let path = report.to_str().unwrap();
-    let said = hydroboom(&["run", "--simulated-time", "--crane", &crane, "--report", path]);
+    let output = hydroboom(&["run", "--simulated-time", "--crane", &crane, "--report", path]);
     let equal = "the plant is equal to the model but for drive, valve, sensors and fieldbus";
-    assert!(String::from_utf8_lossy(&said.stdout).contains(equal));
+    assert!(String::from_utf8_lossy(&output.stdout).contains(equal));
     assert!(std::fs::read_to_string(report).unwrap().contains(equal));
 }
 
 #[test]
-fn the_papers_figures_stand_beside_its_own_crane_only() {
+fn the_papers_figures_are_shown_for_its_own_crane_only() {
     let folder = folder("paperless");
     let crane = short_crane(&folder);
     let out = folder.join("study");
-    let said = |arguments: &[&str]| {
+    let printed = |arguments: &[&str]| {
         let output = hydroboom(arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8_lossy(&output.stdout).to_string()
@@ -223,7 +229,7 @@ fn the_papers_figures_stand_beside_its_own_crane_only() {
     let study = ["study", "--out", out.to_str().unwrap()];
     let eigen = ["eigen", "--stroke-mm", "200"];
     for command in [&study[..], &eigen, &["motion", "--scenario", "small-moves"], &["motion"]] {
-        let other = said(&[command, &["--crane", &crane]].concat());
+        let other = printed(&[command, &["--crane", &crane]].concat());
         for of_paper in ["RMS paper", "paper states", "paper simulated", "paper measured", "Table"]
         {
             assert!(!other.contains(of_paper), "{command:?}: {other}");
@@ -236,12 +242,12 @@ fn the_papers_figures_stand_beside_its_own_crane_only() {
         assert!(!page.contains(of_paper), "{of_paper}");
     }
     // a file with the paper's values is its crane
-    let own = said(&[&eigen[..], &["--crane", "../../cranes/uia-single-boom.toml"]].concat());
+    let own = printed(&[&eigen[..], &["--crane", "../../cranes/uia-single-boom.toml"]].concat());
     assert!(own.contains("paper simulated") && own.contains("3.16"), "{own}");
 }
 
 #[test]
-fn overrides_are_applied_together_and_to_the_model_alone_where_the_plant_is_another() {
+fn overrides_are_applied_together_and_not_to_a_separate_plant() {
     let alone = ["check", "--set", "cylinder.rod_mm=70"];
     assert!(!hydroboom(&alone).status.success());
     for order in [
@@ -261,13 +267,13 @@ fn overrides_are_applied_together_and_to_the_model_alone_where_the_plant_is_anot
         "--set",
         "payload.mass_kg=300",
     ];
-    let said = hydroboom(&motion);
+    let output = hydroboom(&motion);
     let note = "--set is of the model only: the plant \"UiA single boom, virtual\" keeps";
-    assert!(String::from_utf8_lossy(&said.stderr).contains(note), "{said:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains(note), "{output:?}");
 }
 
 #[test]
-fn a_machine_of_its_own_is_named_with_what_differs_most() {
+fn a_separate_machine_is_reported_with_its_largest_differences() {
     let folder = folder("machine");
     let crane = short_crane(&folder);
     let text = std::fs::read_to_string(&crane).unwrap();
@@ -275,16 +281,16 @@ fn a_machine_of_its_own_is_named_with_what_differs_most() {
     std::fs::write(&heavy, text.replace("value = 307.0,", "value = 330.0,")).unwrap();
     let base = ["run", "--simulated-time", "--crane", &crane];
     let output = hydroboom(&[&base[..], &["--plant", heavy.to_str().unwrap(), "--json"]].concat());
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(said.contains("payload.mass_kg: 307 in the model, 330 here"), "{said}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("payload.mass_kg: 307 in the model, 330 here"), "{message}");
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(value["plant"]["equals_model"], false);
     assert_eq!(value["plant"]["differences"].as_array().unwrap().len(), 1);
     let other = hydroboom(&[&base[..], &["--machine", "../../cranes/uia-virtual.toml"]].concat());
-    let said = String::from_utf8_lossy(&other.stderr);
-    assert!(said.contains("more: --json lists them"), "{said}");
+    let message = String::from_utf8_lossy(&other.stderr);
+    assert!(message.contains("more: --json lists them"), "{message}");
     let lift = hydroboom(&[&base[..], &["--machine", "../../cranes/patu-lift.toml"]].concat());
-    says(&lift, "valve-controlled");
+    fails_with(&lift, "valve-controlled");
     // without a crane file it is the paper's virtual crane, and nothing is filled in
     let usual = parsed(&["run", "--simulated-time", "--json"]);
     assert_eq!(usual["plant"]["from"], "embedded");
@@ -300,16 +306,16 @@ fn wrong_crane_files_are_refused_with_a_reason() {
         std::fs::write(&path, content).unwrap();
         path.to_str().unwrap().to_string()
     };
-    says(&hydroboom(&["check", "--crane", "/nowhere.toml"]), "cannot be read");
+    fails_with(&hydroboom(&["check", "--crane", "/nowhere.toml"]), "cannot be read");
     let binary = write("binary.toml", &[0, 159, 146, 150]);
-    says(&hydroboom(&["check", "--crane", &binary]), "not a text file");
+    fails_with(&hydroboom(&["check", "--crane", &binary]), "not a text file");
     let empty = write("empty.toml", b"");
-    says(&hydroboom(&["check", "--crane", &empty]), "missing");
-    says(&hydroboom(&["check", "--set", "boom.segments=99"]), "1 to 50");
+    fails_with(&hydroboom(&["check", "--crane", &empty]), "missing");
+    fails_with(&hydroboom(&["check", "--set", "boom.segments=99"]), "1 to 50");
 }
 
 #[test]
-fn wrong_inputs_are_refused_and_leave_nothing_behind() {
+fn wrong_inputs_are_refused_and_leave_no_files() {
     let folder = folder("inputs");
     let log = folder.join("log.csv");
     let log_path = log.to_str().unwrap();
@@ -325,17 +331,20 @@ fn wrong_inputs_are_refused_and_leave_nothing_behind() {
         let path = folder.join(name);
         std::fs::write(&path, content).unwrap();
         let input = path.to_str().unwrap();
-        says(&hydroboom(&["simulate", "--input", input, "--log", log_path]), reason);
+        fails_with(&hydroboom(&["simulate", "--input", input, "--log", log_path]), reason);
     }
-    says(&hydroboom(&["simulate", "--start-mm", "900", "--log", log_path]), "0 to 500 mm, not 900");
-    says(&hydroboom(&["eigen", "--stroke-mm", "700"]), "0 to 500 mm, not 700");
-    says(
+    fails_with(
+        &hydroboom(&["simulate", "--start-mm", "900", "--log", log_path]),
+        "0 to 500 mm, not 900",
+    );
+    fails_with(&hydroboom(&["eigen", "--stroke-mm", "700"]), "0 to 500 mm, not 700");
+    fails_with(
         &hydroboom(&["simulate", "--hold-s", "0.01", "--step-us", "99999", "--log", log_path]),
         "does not fit",
     );
     // an input that destroys the crane
     let slam = ["simulate", "--hold-s", "10", "--motor-speed-rpm", "3000", "--log", log_path];
-    says(&hydroboom(&slam), "at t =");
+    fails_with(&hydroboom(&slam), "at t =");
     let left: Vec<_> = std::fs::read_dir(&folder)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -382,7 +391,7 @@ fn a_recorded_input_drives_the_crane_and_the_log_names_its_units() {
 }
 
 #[test]
-fn a_linearisation_leaves_matrices_and_a_figure() {
+fn a_linearisation_writes_matrices_and_a_figure() {
     let folder = folder("linearised");
     let path = folder.to_str().unwrap();
     let done = hydroboom(&["linearise", "--motor-speed-rpm", "600", "--out", path, "--json"]);
@@ -399,7 +408,7 @@ fn a_linearisation_leaves_matrices_and_a_figure() {
 }
 
 #[test]
-fn a_plant_that_differs_is_named_with_what_each_change_does() {
+fn a_different_plant_is_reported_with_the_effect_of_each_change() {
     let done = hydroboom(&[
         "motion",
         "--plant-set",
@@ -424,7 +433,7 @@ fn a_plant_that_differs_is_named_with_what_each_change_does() {
 }
 
 #[test]
-fn results_for_machines_have_the_promised_names() {
+fn json_results_have_the_documented_names() {
     let eigen = parsed(&["eigen", "--stroke-mm", "200", "--json"]);
     let row = [
         "stroke_mm",
@@ -481,7 +490,7 @@ fn results_for_machines_have_the_promised_names() {
 }
 
 #[test]
-fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
+fn the_virtual_crane_logs_the_signals_of_a_data_acquisition() {
     let log = folder("virtual").join("out.csv");
     let path = log.to_str().unwrap();
     let run = |arguments: &[&str]| {
@@ -501,14 +510,14 @@ fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
     {
         assert!(header.split(',').any(|name| name == column), "no {column}: {header}");
     }
-    says(&hydroboom(&["virtual", "--without", "gravity"]), "no effect \"gravity\"");
-    says(&hydroboom(&["virtual", "--scenario", "lunch"]), "no scenario \"lunch\"");
+    fails_with(&hydroboom(&["virtual", "--without", "gravity"]), "no effect \"gravity\"");
+    fails_with(&hydroboom(&["virtual", "--scenario", "lunch"]), "no scenario \"lunch\"");
 }
 
 /// From the survey of a virtual crane to a crane file with tip parameters: the bounds become narrower and
 /// contain the truth.
 #[test]
-fn a_survey_of_the_tip_is_fitted_and_counts() {
+fn a_tip_survey_is_fitted_and_narrows_the_bounds() {
     let folder = folder("tip");
     let path = |name: &str| folder.join(name).display().to_string();
     let (survey, surveyed) = (path("survey.csv"), path("surveyed.toml"));
@@ -519,9 +528,9 @@ fn a_survey_of_the_tip_is_fitted_and_counts() {
     assert!(fitted["survey_noise"]["bias_mm"]["median"].as_f64().unwrap() < 0.5, "{fitted}");
     let height = |arguments: &[&str]| {
         let run = ["virtual", "--scenario", "small-moves", "--json"];
-        let said = parsed(&[&run[..], arguments].concat());
+        let result = parsed(&[&run[..], arguments].concat());
         ["estimated", "deviation", "true"]
-            .map(|what| said["estimates"]["tip_y_mm"][what].as_f64().unwrap())
+            .map(|what| result["estimates"]["tip_y_mm"][what].as_f64().unwrap())
     };
     let [_, wide, _] = height(&[]);
     let [estimated, deviation, truth] = height(&["--model", &surveyed]);
@@ -530,16 +539,16 @@ fn a_survey_of_the_tip_is_fitted_and_counts() {
     // the message names the wrong line
     let bad = std::fs::read_to_string(&survey).unwrap().replace("250.000,307.00", "2500,307.00");
     std::fs::write(&survey, bad).unwrap();
-    says(&hydroboom(&["tip", "--survey", &survey]), "line 11: stroke_mm is 2500");
+    fails_with(&hydroboom(&["tip", "--survey", &survey]), "line 11: stroke_mm is 2500");
 }
 
 /// The estimator runs under a strategy that does not use it, with measurements only. Each error is within
 /// four standard deviations.
 #[test]
-fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
+fn virtual_reports_estimates_with_their_true_errors() {
     let run = ["virtual", "--scenario", "small-moves", "--strategy", "benchmark-closed-loop"];
-    let said = parsed(&[&run[..], &["--json"]].concat());
-    let of = |name: &str, what: &str| said["estimates"][name][what].as_f64();
+    let result = parsed(&[&run[..], &["--json"]].concat());
+    let of = |name: &str, what: &str| result["estimates"][name][what].as_f64();
     for name in [
         "payload_kg",
         "load_pressure_bar",
@@ -550,9 +559,9 @@ fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
     ] {
         let [estimated, deviation, truth] =
             ["estimated", "deviation", "true"].map(|what| of(name, what).unwrap());
-        assert!(deviation > 0.0, "{name}: {said}");
-        assert!((estimated - truth).abs() < 4.0 * deviation, "{name}: {said}");
-        assert!(of(name, "rms_error").unwrap() > 0.0, "{name}: {said}");
+        assert!(deviation > 0.0, "{name}: {result}");
+        assert!((estimated - truth).abs() < 4.0 * deviation, "{name}: {result}");
+        assert!(of(name, "rms_error").unwrap() > 0.0, "{name}: {result}");
     }
     let payload = of("payload_kg", "true").unwrap();
     assert!((300.0..340.0).contains(&payload), "{payload} kg");
@@ -567,7 +576,7 @@ fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
 }
 
 #[test]
-fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
+fn a_dataset_is_complete_documented_and_separates_true_values() {
     let parent = folder("dataset");
     let path = parent.join("logs");
     let coarse = ["--set", "virtual.step_us=1000", "--set", "boom.segments=3"];
@@ -649,7 +658,7 @@ fn campaign_an_interrupted_calibration_ends_as_an_uninterrupted_one() {
 }
 
 #[test]
-fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
+fn trials_and_learned_results_are_written_as_json_and_html() {
     let folder = folder("trials");
     // of a crane with a short course, which is the machine as well
     let crane = short_crane(&folder);
@@ -708,34 +717,37 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let mut arguments = vec!["show", "--json"];
     set.iter().for_each(|assignment| arguments.extend(["--set", assignment.as_str().unwrap()]));
     assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");
-    says(&hydroboom(&["trials", "luck"]), "robustness");
-    says(&hydroboom(&["motion", "--baselines"]), "--family");
+    fails_with(&hydroboom(&["trials", "luck"]), "robustness");
+    fails_with(&hydroboom(&["motion", "--baselines"]), "--family");
     for command in [vec!["motion"], vec!["trials"], vec!["trials", "robustness"]] {
-        says(&hydroboom(&[&command[..], &["--rivals"]].concat()), "--baselines");
+        fails_with(&hydroboom(&[&command[..], &["--rivals"]].concat()), "--baselines");
     }
-    says(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");
+    fails_with(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");
 }
 
 /// Settings of estimator and control law belong to the controller. `--set` changes the machine, where they
 /// would have no effect.
 #[test]
-fn virtual_takes_settings_of_the_controller_for_its_model_only() {
+fn virtual_accepts_controller_settings_for_its_model_only() {
     let of = |arguments: &[&str]| hydroboom(&[&["virtual"], arguments].concat());
     let drift = "estimator.payload_drift_percent=2";
-    says(&of(&["--set", drift]), &format!("--model-set {drift}"));
-    says(&of(&["--model-set", "estimator.lowest_transition_bar=100"]), "highest_transition_bar");
-    says(&of(&["--log-ms", "NaN"]), "a number from 0.001 to 3600000 ms");
+    fails_with(&of(&["--set", drift]), &format!("--model-set {drift}"));
+    fails_with(
+        &of(&["--model-set", "estimator.lowest_transition_bar=100"]),
+        "highest_transition_bar",
+    );
+    fails_with(&of(&["--log-ms", "NaN"]), "a number from 0.001 to 3600000 ms");
 }
 
 #[test]
-fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
+fn estimating_a_log_writes_a_page_a_table_and_json() {
     let folder = folder("estimate");
     let [log, page, table] = ["log.csv", "page.html", "estimates.csv"]
         .map(|name| folder.join(name).to_str().unwrap().to_string());
     assert!(hydroboom(&["virtual", "--scenario", "small-moves", "--log", &log]).status.success());
-    let said = parsed(&["estimate", "--log", &log, "--out", &page, "--csv", &table, "--json"]);
-    assert_eq!(said["consistent"], true, "{said}");
-    let payload = &said["at_end"]["payload_kg"];
+    let result = parsed(&["estimate", "--log", &log, "--out", &page, "--csv", &table, "--json"]);
+    assert_eq!(result["consistent"], true, "{result}");
+    let payload = &result["at_end"]["payload_kg"];
     let of = |name: &str| payload[name].as_f64().unwrap();
     assert!((of("estimated") - 316.0).abs() < 3.0 * of("deviation"), "{payload}");
     assert!(of("deviation") < of("initial_deviation"), "{payload}");
@@ -754,8 +766,8 @@ fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
     }
     // a log of simulate has no motor command, and an interval of 10 ms
     assert!(hydroboom(&["simulate", "--hold-s", "2", "--log", &log]).status.success());
-    let said = parsed(&["estimate", "--log", &log, "--json"]);
-    assert!(said["unobservable"].to_string().contains("drive lag"), "{said}");
+    let result = parsed(&["estimate", "--log", &log, "--json"]);
+    assert!(result["unobservable"].to_string().contains("drive lag"), "{result}");
 }
 
 /// Measured lift with a valve, which is not part of the project: its published payload is 180 kg. An arm
@@ -768,24 +780,24 @@ fn measured_logs_are_estimated_or_refused_with_a_reason() {
     };
     let path = |name: &str| data.join(name).to_str().map(String::from).unwrap();
     let (lift, arm) = (path("patu-lift-measured.csv"), path("linkoping-crane-arm-measured.csv"));
-    says(&hydroboom(&["estimate", "--log", &arm]), "no column is named as a time");
-    says(&hydroboom(&["estimate", "--log", &arm]), "no column has a unit");
+    fails_with(&hydroboom(&["estimate", "--log", &arm]), "no column is named as a time");
+    fails_with(&hydroboom(&["estimate", "--log", &arm]), "no column has a unit");
     let crane = ["estimate", "--crane", "../../cranes/patu-lift.toml", "--log", &lift];
     // the length of the cylinder is no stroke
-    says(&hydroboom(&crane), "has it another zero?");
+    fails_with(&hydroboom(&crane), "has it another zero?");
     let mapping = folder("estimate-lift").join("mapping.toml");
     let text = "[log]\n[log.stroke]\ncolumn = \"s1_position\"\nunit = \"mm\"\noffset = -820.0\n";
     std::fs::write(&mapping, text).unwrap();
     let rest = ["--mapping", mapping.to_str().unwrap(), "--json"];
-    let said = parsed(&[&crane[..], &rest].concat());
-    assert!(said["unknown_flow_prior"]["deviation_l_min"].as_f64().unwrap() > 50.0, "{said}");
-    assert!(said["unobservable"].to_string().contains("unknown flow"), "{said}");
-    assert_eq!(said["consistent"], true, "{said}");
-    let payload = &said["at_end"]["payload_kg"];
+    let result = parsed(&[&crane[..], &rest].concat());
+    assert!(result["unknown_flow_prior"]["deviation_l_min"].as_f64().unwrap() > 50.0, "{result}");
+    assert!(result["unobservable"].to_string().contains("unknown flow"), "{result}");
+    assert_eq!(result["consistent"], true, "{result}");
+    let payload = &result["at_end"]["payload_kg"];
     let of = |name: &str| payload[name].as_f64().unwrap();
     // published values have an uncertainty of 10 %, also those of the links that carry the payload
     let apart = of("deviation").hypot(0.1 * 180.0);
     assert!((of("estimated") - 180.0).abs() < 2.0 * apart, "{payload}");
     // its position has a ripple of 0.4 mm
-    assert!(said["findings"].to_string().contains("noise of the position: 0."), "{said}");
+    assert!(result["findings"].to_string().contains("noise of the position: 0."), "{result}");
 }

@@ -71,7 +71,7 @@ fn a_course_is_run_from_the_page_and_stopped_in_an_emergency() {
 }
 
 #[test]
-fn it_can_be_used_by_keyboard_on_a_phone_in_the_dark() {
+fn the_page_works_by_keyboard_on_a_phone_and_in_dark_mode() {
     let run = Run::start();
     let mut page = Browser::open(&run.address(), (390, 844), true, true);
     page.wait_for("document.getElementById('state').textContent === 'Ready'");
@@ -95,7 +95,7 @@ fn it_can_be_used_by_keyboard_on_a_phone_in_the_dark() {
 }
 
 #[test]
-fn a_lost_viewer_stops_nothing_but_a_lost_operator_does() {
+fn a_lost_operator_stops_the_motion_and_a_lost_viewer_does_not() {
     let run = Run::start();
     let mut operator = run.viewer();
     operator.operate();
@@ -132,7 +132,7 @@ fn a_lost_viewer_stops_nothing_but_a_lost_operator_does() {
 }
 
 #[test]
-fn anybody_with_the_token_may_stop_in_an_emergency_and_nobody_else() {
+fn only_viewers_with_the_token_may_stop_in_an_emergency() {
     let run = Run::start();
     let mut operator = run.viewer();
     operator.operate();
@@ -157,7 +157,7 @@ fn anybody_with_the_token_may_stop_in_an_emergency_and_nobody_else() {
 }
 
 #[test]
-fn a_start_of_somebody_who_is_gone_moves_nothing() {
+fn a_start_of_a_departed_operator_has_no_effect() {
     let run = Run::start();
     let mut first = run.viewer();
     first.operate();
@@ -220,7 +220,7 @@ impl<'a> HalfOpen<'a> {
 }
 
 #[test]
-fn half_open_connections_shut_nobody_out() {
+fn half_open_connections_do_not_block_new_ones() {
     // the process has fewer descriptors than there are connections
     let run = Run::start_with_descriptors(512);
     let mut operator = run.viewer();
@@ -249,11 +249,11 @@ fn half_open_connections_shut_nobody_out() {
     // earlier viewers stay connected, and pages are served
     assert_eq!(operator.wait_for_state("Fault")["cause"], "emergency-stop");
     assert!(run.get("/", "").0.starts_with("HTTP/1.1 200"));
-    assert!(!run.said.lock().unwrap().contains("the dashboard ends"));
+    assert!(!run.printed.lock().unwrap().contains("the dashboard ends"));
 }
 
 #[test]
-fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_last() {
+fn the_page_starts_with_the_options_and_shows_all_the_last_choice() {
     let run = Run::start_with(&["--strategy", "scheduled-lqr", "--scenario", "reversal"]);
     let mut page = Browser::open(&run.address(), (1280, 1000), false, false);
     page.wait_for("document.getElementById('chosen').textContent !== ''");
@@ -317,7 +317,7 @@ fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_l
 }
 
 #[test]
-fn faults_are_injected_found_and_mended() {
+fn faults_are_injected_detected_and_cleared() {
     let run = Run::start();
     let mut operator = run.viewer();
     operator.operate();
@@ -338,7 +338,7 @@ fn faults_are_injected_found_and_mended() {
 }
 
 #[test]
-fn strangers_pages_and_what_is_no_message_are_refused() {
+fn foreign_pages_and_malformed_messages_are_refused() {
     let run = Run::start();
     assert!(run.viewer_from(Some("http://evil.example")).is_err());
     assert!(run.viewer_from(Some(&format!("http://{}", run.host))).is_ok());
@@ -384,5 +384,5 @@ fn strangers_pages_and_what_is_no_message_are_refused() {
         assert!(answer.to_string().contains(reason), "{answer}");
     }
     assert_eq!(good.wait_for(|m| m["type"] == "frame")["state"], "Holding");
-    assert!(!run.said.lock().unwrap().contains("panicked"));
+    assert!(!run.printed.lock().unwrap().contains("panicked"));
 }

@@ -1,10 +1,10 @@
 //! Export of model and controllers as source code.
 
-use crate::support::command::{files, hydroboom, keys, parsed, says};
+use crate::support::command::{fails_with, files, hydroboom, keys, parsed};
 use hydroboom_description::Description;
 
 #[test]
-fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
+fn exported_files_are_listed_and_reproducible() {
     let path = files("export");
     for (target, first) in [("st", "FB_HydraulicModel.st"), ("c", "hydroboom.h")] {
         let (once, again) = (path(&format!("{target}-1")), path(&format!("{target}-2")));
@@ -36,16 +36,19 @@ fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
 }
 
 #[test]
-fn what_a_language_cannot_say_is_refused_with_the_reason() {
+fn cranes_that_cannot_be_exported_are_refused_with_the_reason() {
     let path = files("export-refused");
     let out = path("out");
-    says(&hydroboom(&["export", "c", "--out", &out, "--set", "boom.segments=10"]), "3 segments");
+    fails_with(
+        &hydroboom(&["export", "c", "--out", &out, "--set", "boom.segments=10"]),
+        "3 segments",
+    );
     let crane = path("lift.toml");
     assert!(hydroboom(&["new", &crane, "--circuit", "valve-controlled"]).status.success());
-    says(&hydroboom(&["export", "st", "--crane", &crane, "--out", &out]), "self-contained");
+    fails_with(&hydroboom(&["export", "st", "--crane", &crane, "--out", &out]), "self-contained");
     assert!(!std::path::Path::new(&out).exists(), "something was written");
     std::fs::write(&out, "in the way").unwrap();
-    says(
+    fails_with(
         &hydroboom(&["export", "c", "--out", &out]),
         "is a file, and files are to be written into it",
     );
@@ -53,24 +56,25 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
     std::fs::remove_file(&out).unwrap();
     assert!(hydroboom(&["export", "st", "--out", &out]).status.success());
     let output = hydroboom(&["export", "st", "--single", "--out", &out]);
-    let said = String::from_utf8_lossy(&output.stderr);
+    let message = String::from_utf8_lossy(&output.stderr);
     assert!(
-        said.contains("files of another export") && said.contains("PRG_TestBench.st"),
-        "{said}"
+        message.contains("files of another export") && message.contains("PRG_TestBench.st"),
+        "{message}"
     );
 }
 
 /// Scripts for earlier versions request it.
 #[test]
-fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
+fn model_following_is_refused_with_its_successor_and_the_choices() {
     let out = files("export-replaced")("following.fmu");
     let output = hydroboom(&["export", "fmu", "--what", "model-following", "--out", &out]);
     assert!(!output.status.success() && !std::path::Path::new(&out).exists());
-    let said = String::from_utf8_lossy(&output.stderr);
+    let message = String::from_utf8_lossy(&output.stderr);
     // the lines of a terminal are narrower than the sentence
-    let said = said.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ");
-    assert!(said.contains("model following has been replaced by scheduled-lqr"), "{said}");
-    let (_, today) = said.split_once("today --what is one of ").unwrap();
+    let message =
+        message.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ");
+    assert!(message.contains("model following has been replaced by scheduled-lqr"), "{message}");
+    let (_, today) = message.split_once("today --what is one of ").unwrap();
     let names: Vec<&str> = today.split(", ").collect();
     assert_eq!(names, ["model", "plant", "controller", "simulation-feedforward", "scheduled-lqr"]);
     // it is neither offered nor exported together with others
@@ -86,7 +90,7 @@ fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
 /// Plant and controller as FMUs, simulated by FMPy, reproduce the results of `motion` for the same pair.
 /// Skipped unless `HYDROBOOM_FMPY` names a Python with FMPy.
 #[test]
-fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
+fn a_closed_loop_of_two_fmus_reproduces_the_motion_test() {
     let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
         eprintln!("skipped: HYDROBOOM_FMPY names no Python with FMPy");
         return;
@@ -123,7 +127,7 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
     };
 
     let rows = parsed(&["motion", "--plant-set", changed, "--json"]);
-    let said = |strategy: &str| {
+    let motion_rms = |strategy: &str| {
         let rows = rows["motion"].as_array().unwrap();
         let of =
             |row: &&serde_json::Value| row["strategy"] == strategy && row["speed_mm_s"] == 120.0;
@@ -134,14 +138,14 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
         ("simulation-feedforward", "simulation-feedforward-closed-loop"),
     ];
     for (what, strategy) in pairs {
-        let (found, wanted) = (closed(what), said(strategy));
+        let (found, wanted) = (closed(what), motion_rms(strategy));
         // a released load starts at a higher position with other pressures
         assert!((found / wanted - 1.0).abs() < 0.02, "{what}: {found} mm, motion says {wanted} mm");
     }
 }
 
 #[test]
-fn a_prefix_names_files_and_what_is_in_them_and_a_wrong_one_is_refused() {
+fn a_prefix_begins_all_exported_names_and_a_wrong_one_is_refused() {
     let path = files("export-prefix");
     let out = path("out");
     let made = parsed(&["export", "c", "--prefix", "my_", "--out", &out, "--json"]);
@@ -149,5 +153,8 @@ fn a_prefix_names_files_and_what_is_in_them_and_a_wrong_one_is_refused() {
     assert!(header.ends_with("my_hydroboom.h"), "{header}");
     let header = std::fs::read_to_string(header).unwrap();
     assert!(header.contains("my_model_step") && !header.contains("hb_"));
-    says(&hydroboom(&["export", "c", "--prefix", "1st", "--out", &out]), "begins with a letter");
+    fails_with(
+        &hydroboom(&["export", "c", "--prefix", "1st", "--out", &out]),
+        "begins with a letter",
+    );
 }

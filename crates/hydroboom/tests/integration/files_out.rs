@@ -1,7 +1,7 @@
 //! No command loses a file: inputs are kept, outputs are complete or unchanged, and a failure of one does
 //! not affect another.
 
-use crate::support::command::{files, folder, hydroboom, says};
+use crate::support::command::{fails_with, files, folder, hydroboom};
 use std::fs;
 use std::os::unix::fs::{FileTypeExt, symlink};
 use std::path::Path;
@@ -97,7 +97,7 @@ fn no_command_writes_over_its_input() {
 }
 
 #[test]
-fn an_input_is_known_by_every_path() {
+fn an_input_is_recognised_by_every_path() {
     let dir = folder("by-path");
     let at = |name: &str| dir.join(name).to_str().unwrap().to_string();
     let csv = at("v.csv");
@@ -107,7 +107,10 @@ fn an_input_is_known_by_every_path() {
     fs::hard_link(&csv, dir.join("hard.csv")).unwrap();
     for way in ["sub/../v.csv", "sub/link.csv", "hard.csv"] {
         for (read, write) in [(csv.clone(), at(way)), (at(way), csv.clone())] {
-            says(&hydroboom(&["validate", "--log", &read, "--report", &write]), "it is the input");
+            fails_with(
+                &hydroboom(&["validate", "--log", &read, "--report", &write]),
+                "it is the input",
+            );
             assert_eq!(fs::read(&csv).unwrap(), kept, "{way}");
         }
     }
@@ -115,13 +118,13 @@ fn an_input_is_known_by_every_path() {
     let shell = format!("\"$0\" validate --log /dev/stdin --report {csv} < {csv}");
     let program = env!("CARGO_BIN_EXE_hydroboom");
     let output = Command::new("sh").args(["-c", &shell, program]).output().unwrap();
-    says(&output, "it is the input");
+    fails_with(&output, "it is the input");
     assert_eq!(fs::read(&csv).unwrap(), kept);
     // a file in the folder of the outputs
     let crane = at("sub/motion.html");
     assert!(hydroboom(&["new", &crane]).status.success());
     let kept = fs::read(&crane).unwrap();
-    says(
+    fails_with(
         &hydroboom(&["motion", "--crane", &crane, "--scenario", "reversal", "--out", &at("sub")]),
         "it is the input",
     );
@@ -129,19 +132,19 @@ fn an_input_is_known_by_every_path() {
 }
 
 #[test]
-fn two_outputs_are_two_files() {
+fn two_outputs_in_the_same_file_are_refused() {
     let at = files("two-outputs");
     let (log, report) = (at("x"), at("./x"));
     let output =
         hydroboom(&["run", "--auto", "--simulated-time", "--log", &log, "--report", &report]);
-    says(&output, "are the same file");
+    fails_with(&output, "are the same file");
     assert!(!Path::new(&log).exists());
 }
 
 /// A full disk, or a missing folder: the results are printed, the other files are written, and the program
 /// lists the missing ones at the end.
 #[test]
-fn an_output_that_fails_costs_no_other() {
+fn a_failed_output_does_not_affect_the_others() {
     let dir = folder("other-outputs");
     let at = |name: &str| dir.join(name).to_str().unwrap().to_string();
     for lost in ["/dev/full".to_string(), at("none/run.mcap")] {
@@ -149,14 +152,17 @@ fn an_output_that_fails_costs_no_other() {
         let arguments = ["run", "--auto", "--simulated-time", "--strategy", "velocity-feedforward"];
         let outputs = ["--log", &lost, "--report", &report, "--parameters", &at("kept.json")];
         let output = hydroboom(&[&arguments[..], &outputs[..]].concat());
-        let said = errors(&output);
-        assert!(!output.status.success(), "{said}");
-        assert!(said.contains("not all outputs are written") && said.contains(&lost), "{said}");
-        assert!(!output.stdout.is_empty(), "{said}");
+        let message = errors(&output);
+        assert!(!output.status.success(), "{message}");
+        assert!(
+            message.contains("not all outputs are written") && message.contains(&lost),
+            "{message}"
+        );
+        assert!(!output.stdout.is_empty(), "{message}");
         let page = fs::read_to_string(&report).unwrap();
-        assert!(page.ends_with("</html>"), "{said}");
+        assert!(page.ends_with("</html>"), "{message}");
         fs::remove_dir_all(at("run-figures")).unwrap();
-        assert!(fs::metadata(at("kept.json")).unwrap().len() > 100, "{said}");
+        assert!(fs::metadata(at("kept.json")).unwrap().len() > 100, "{message}");
         fs::remove_file(&report).unwrap();
     }
     for arguments in [
@@ -164,7 +170,7 @@ fn an_output_that_fails_costs_no_other() {
         vec!["virtual", "--speed-mm-s", "120", "--log", "/dev/full"],
     ] {
         let output = hydroboom(&arguments);
-        says(&output, "No space left");
+        fails_with(&output, "No space left");
         assert!(!output.stdout.is_empty());
     }
     assert!(fs::metadata("/dev/full").unwrap().file_type().is_char_device());
@@ -173,7 +179,7 @@ fn an_output_that_fails_costs_no_other() {
 
 /// The disk becomes full while a log is written: the previous log is kept.
 #[test]
-fn a_log_that_does_not_fit_leaves_the_one_before() {
+fn a_full_disk_keeps_the_previous_log() {
     let dir = folder("does-not-fit");
     let path = dir.join("x.csv");
     fs::write(&path, "before").unwrap();
@@ -183,21 +189,21 @@ fn a_log_that_does_not_fit_leaves_the_one_before() {
         path.display()
     );
     let output = Command::new("sh").args(["-c", &limited, program]).output().unwrap();
-    says(&output, "x.csv cannot be written");
+    fails_with(&output, "x.csv cannot be written");
     assert!(String::from_utf8_lossy(&output.stdout).contains("NOT written"));
     assert_eq!(fs::read_to_string(&path).unwrap(), "before");
     assert_eq!(names(&dir), ["x.csv"]);
 }
 
 #[test]
-fn results_that_cannot_be_printed_are_a_failure_and_cost_no_file() {
+fn a_failure_to_print_is_an_error_and_keeps_the_files() {
     let dir = folder("full-stdout");
     let path = dir.join("x.csv");
     let program = env!("CARGO_BIN_EXE_hydroboom");
     let command =
         format!("exec \"$0\" simulate --hold-s 0.3 --valve 0 --log {} > /dev/full", path.display());
     let output = Command::new("sh").args(["-c", &command, program]).output().unwrap();
-    says(&output, "cannot be printed");
+    fails_with(&output, "cannot be printed");
     assert!(fs::metadata(&path).unwrap().len() > 1000);
 }
 
@@ -213,8 +219,8 @@ fn standard_output_is_written_in_place() {
     );
     let status = Command::new("sh").args(["-c", &command, program]).status().unwrap();
     assert!(status.success());
-    let said = fs::read_to_string(&out).unwrap();
-    assert!(said.starts_with("time_s,") && said.contains("after 0.100 s"), "{said}");
+    let printed = fs::read_to_string(&out).unwrap();
+    assert!(printed.starts_with("time_s,") && printed.contains("after 0.100 s"), "{printed}");
     // a pipe also takes the log of a run
     let command = "\"$0\" run --auto --simulated-time --log /dev/fd/3 3>&1 >/dev/null | head -c 8";
     let output = Command::new("bash").args(["-c", command, program]).output().unwrap();

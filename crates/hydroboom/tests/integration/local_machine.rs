@@ -29,17 +29,17 @@ fn waiting(port: u16) -> (Child, BufReader<impl Read>) {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut said = BufReader::new(run.stderr.take().unwrap());
+    let mut stderr = BufReader::new(run.stderr.take().unwrap());
     let mut line = String::new();
     while !line.contains("waiting for a machine") {
         line.clear();
-        assert!(said.read_line(&mut line).unwrap() > 0, "it does not say what it waits for");
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "it does not say what it waits for");
     }
-    (run, said)
+    (run, stderr)
 }
 
 #[test]
-fn what_cannot_be_attached_is_said() {
+fn a_machine_that_cannot_be_attached_is_refused_with_the_reason() {
     let taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let port = format!("udp:{}", taken.local_addr().unwrap().port());
     for (machine, named) in [
@@ -52,13 +52,13 @@ fn what_cannot_be_attached_is_said() {
         (port.as_str(), "another program uses it"),
     ] {
         let output = hydroboom(&["run", "--simulated-time", "--machine", machine]);
-        let said = in_one_line(&String::from_utf8_lossy(&output.stderr));
-        assert!(!output.status.success() && said.contains(named), "{machine}: {said}");
+        let message = in_one_line(&String::from_utf8_lossy(&output.stderr));
+        assert!(!output.status.success() && message.contains(named), "{machine}: {message}");
     }
 }
 
 #[test]
-fn a_bus_that_cannot_be_opened_is_told_before_anything_else_is_done() {
+fn an_unusable_bus_is_reported_before_anything_else_is_done() {
     let page = include_str!("../../../../docs/reference/ethercat-table.md");
     let table = page.split_once("```toml\n").unwrap().1.split_once("```").unwrap().0;
     let file = command::files("a_bus_that_cannot_be_opened");
@@ -73,18 +73,18 @@ fn a_bus_that_cannot_be_opened_is_told_before_anything_else_is_done() {
         (vec!["virtual", "--bus", &bus], ["--bus", "ethercat:eth1"]),
     ] {
         let output = hydroboom(&[&["run", "--auto", "--machine"], &arguments[..]].concat());
-        let said = in_one_line(&String::from_utf8_lossy(&output.stderr));
-        assert!(!output.status.success(), "{arguments:?}: {said}");
+        let message = in_one_line(&String::from_utf8_lossy(&output.stderr));
+        assert!(!output.status.success(), "{arguments:?}: {message}");
         for part in parts {
-            assert!(said.contains(part), "{arguments:?}: {part} is not in: {said}");
+            assert!(message.contains(part), "{arguments:?}: {part} is not in: {message}");
         }
     }
 }
 
 #[test]
-fn it_waits_for_a_machine_and_says_in_what_one_differs() {
+fn run_waits_for_a_machine_and_reports_a_mismatch() {
     let port = free_port();
-    let (mut run, mut said) = waiting(port);
+    let (mut run, mut stderr) = waiting(port);
     assert!(run.try_wait().unwrap().is_none());
     let hello = Hello {
         peer: Peer::SimulatedMachine,
@@ -98,7 +98,7 @@ fn it_waits_for_a_machine_and_says_in_what_one_differs() {
     let machine = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     machine.send_to(&bytes[..length], (Ipv4Addr::LOCALHOST, port)).unwrap();
     let mut rest = String::new();
-    said.read_to_string(&mut rest).unwrap();
+    stderr.read_to_string(&mut rest).unwrap();
     assert!(!run.wait().unwrap().success());
     let rest = in_one_line(&rest);
     assert!(rest.contains("2000000 ns") && rest.contains("control_period_ms"), "{rest}");

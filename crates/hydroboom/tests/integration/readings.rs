@@ -3,18 +3,20 @@
 use crate::support::command::{files, hydroboom, parsed};
 
 /// Printed text; the command must succeed.
-fn said(arguments: &[&str]) -> String {
+fn printed(arguments: &[&str]) -> String {
     let output = hydroboom(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
 #[test]
-fn the_papers_columns_stand_beside_no_crane_with_other_values() {
-    assert!(said(&["eigen", "--stroke-mm", "200"]).contains("paper measured"));
-    assert!(said(&["eigen", "--stroke-mm", "200", "--set", "boom.segments=5"]).contains("paper"));
+fn the_papers_columns_are_not_shown_for_other_cranes() {
+    assert!(printed(&["eigen", "--stroke-mm", "200"]).contains("paper measured"));
+    assert!(
+        printed(&["eigen", "--stroke-mm", "200", "--set", "boom.segments=5"]).contains("paper")
+    );
     for other in ["payload.mass_kg=60", "cylinder.piston_mm=100", "payload.x_mm=9000"] {
-        let text = said(&["eigen", "--stroke-mm", "200", "--set", other]);
+        let text = printed(&["eigen", "--stroke-mm", "200", "--set", other]);
         assert!(!text.contains("paper") && !text.contains("Table 5"), "{other}: {text}");
     }
 }
@@ -22,7 +24,7 @@ fn the_papers_columns_stand_beside_no_crane_with_other_values() {
 /// Simulation feedforward for a light load on a plant with a heavy one runs into the end stop; the other
 /// strategies do not.
 #[test]
-fn a_run_that_stops_is_a_row_that_says_so_and_the_rest_stands() {
+fn an_aborted_run_is_marked_in_its_row_and_the_others_are_kept() {
     let arguments = [
         "motion",
         "--gains-as-given",
@@ -31,7 +33,7 @@ fn a_run_that_stops_is_a_row_that_says_so_and_the_rest_stands() {
         "--plant-set",
         "payload.mass_kg=316",
     ];
-    let text = said(&arguments);
+    let text = printed(&arguments);
     let row = |strategy: &str| text.lines().find(|line| line.starts_with(strategy)).unwrap();
     assert_eq!(row("simulation-feedforward-open-loop").matches("stopped").count(), 2, "{text}");
     assert!(!row("benchmark-closed-loop").contains("stopped"), "{text}");
@@ -76,7 +78,7 @@ const CRANES: [&[&str]; 8] = [
 
 /// Text and numbers of `design` and `eigen` agree: stability, and both methods for the frequency.
 #[test]
-fn words_agree_with_numbers_on_every_crane() {
+fn text_agrees_with_json_for_every_crane() {
     // the paper's crane without ranges, which the other cranes exceed
     let file = files("every-crane")("crane.toml");
     assert!(hydroboom(&["new", &file]).status.success());
@@ -106,10 +108,10 @@ fn words_agree_with_numbers_on_every_crane() {
         };
         let both = [stable("benchmark"), stable("scheduled_lqr")];
         assert_eq!(json["stable"], both[0] && both[1], "{crane:?}");
-        let text = said(&of(&["design"]));
+        let text = printed(&of(&["design"]));
         for (name, is_stable) in ["benchmark", "scheduled LQR"].into_iter().zip(both) {
-            let told = text.contains(&format!("{name}: the closed loop is UNSTABLE"));
-            assert_eq!(told, !is_stable, "{crane:?}: {text}");
+            let is_reported = text.contains(&format!("{name}: the closed loop is UNSTABLE"));
+            assert_eq!(is_reported, !is_stable, "{crane:?}: {text}");
         }
         let eigen = parsed(&of(&["eigen", "--stroke-mm", "200", "--json"]));
         let row = &eigen["eigenfrequency"][0];
@@ -118,11 +120,15 @@ fn words_agree_with_numbers_on_every_crane() {
         // soft oil stiffens during the drop: 8 % with a piston of 100 mm, which the text mentions with the
         // pressures
         assert!(apart.abs() < 0.1, "{crane:?}: {row}");
-        let told = said(&of(&["eigen", "--stroke-mm", "200"]));
+        let eigen_text = printed(&of(&["eigen", "--stroke-mm", "200"]));
         let largest = format!("they differ by {:.1} % at most", 100.0 * apart.abs());
-        assert!(told.contains(&largest), "{largest}: {told}");
-        assert_eq!(told.contains("At 200 mm the drop of"), apart.abs() > 0.005, "{told}");
-        for text in [text, told] {
+        assert!(eigen_text.contains(&largest), "{largest}: {eigen_text}");
+        assert_eq!(
+            eigen_text.contains("At 200 mm the drop of"),
+            apart.abs() > 0.005,
+            "{eigen_text}"
+        );
+        for text in [text, eigen_text] {
             assert!(!text.contains("NaN") && !text.contains(" inf"), "{crane:?}: {text}");
         }
     }
@@ -130,7 +136,7 @@ fn words_agree_with_numbers_on_every_crane() {
 
 /// JSON of commands that close a loop, with benchmark gains that are too high for a load on soft oil.
 #[test]
-fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
+fn every_unstable_loop_is_flagged_in_json() {
     let path = files("flags");
     let (crane, light) = (path("crane.toml"), path("light.toml"));
     assert!(hydroboom(&["new", &crane]).status.success());
@@ -174,7 +180,7 @@ fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
 /// One sample per second resolves neither an oscillation of 2 Hz nor the motor's input in between: nothing
 /// is judged.
 #[test]
-fn samples_that_are_too_far_apart_judge_nothing() {
+fn too_coarse_samples_give_no_verdict() {
     let path = files("far-apart");
     let (log, thin) = (path("log.csv"), path("thin.csv"));
     let simulate = ["simulate", "--speed-mm-s", "120", "--log", &log];
@@ -189,8 +195,8 @@ fn samples_that_are_too_far_apart_judge_nothing() {
     for signal in found["signals"].as_array().unwrap() {
         assert_eq!(signal["judged"], false, "{signal}");
         assert!(signal["ringing"].is_null(), "{signal}");
-        let said = signal["said"].as_str().unwrap();
-        assert!(said.contains("samples are 1000 ms apart"), "{said}");
+        let sentence = signal["said"].as_str().unwrap();
+        assert!(sentence.contains("samples are 1000 ms apart"), "{sentence}");
         assert!(signal["sensor_error"].is_null(), "{signal}");
     }
     assert_eq!(found["remedies"].as_array().unwrap().len(), 0, "{found}");
@@ -198,12 +204,12 @@ fn samples_that_are_too_far_apart_judge_nothing() {
     let found = parsed(&["validate", "--log", &log, "--json"]);
     let verdict = found["verdict"].as_array().unwrap();
     // the oscillation is damped too strongly at this speed for a reliable frequency
-    let told: Vec<&str> = verdict.iter().map(|of| of["aspect"].as_str().unwrap()).collect();
-    assert_eq!(told, ["position", "pressures", "damping"], "{found}");
+    let aspects: Vec<&str> = verdict.iter().map(|of| of["aspect"].as_str().unwrap()).collect();
+    assert_eq!(aspects, ["position", "pressures", "damping"], "{found}");
     assert!(verdict.iter().all(|aspect| aspect["right"] == true), "{found}");
-    let words = said(&["validate", "--log", &log]);
+    let words = printed(&["validate", "--log", &log]);
     let fine = ["That is within its limit.", "only sensor noise remains."];
-    let count: usize = fine.iter().map(|said| words.matches(said).count()).sum();
+    let count: usize = fine.iter().map(|sentence| words.matches(sentence).count()).sum();
     assert_eq!(count, 6, "{words}");
 }
 
@@ -245,10 +251,10 @@ fn late(from: &str, to: &str, column: &str, rows: usize) {
 /// because the sensor on the other side of the open valve contradicts it. A wrong load shows in both
 /// sensors and is no sensor fault.
 #[test]
-fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
+fn a_sensor_fault_is_isolated_and_a_wrong_load_is_none() {
     let path = files("sensors");
     let (log, off) = (path("log.csv"), path("off.csv"));
-    said(&["simulate", "--speed-mm-s", "120", "--log", &log]);
+    printed(&["simulate", "--speed-mm-s", "120", "--log", &log]);
     let head = std::fs::read_to_string(&log).unwrap().lines().next().unwrap().to_string();
     let column = head.split(',').find(|name| name.starts_with("pressure_a")).unwrap().to_string();
     for (change, wanted, mapping) in [
@@ -264,7 +270,7 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
         ),
     ] {
         changed(&log, &off, &column, &column, change);
-        let text = said(&["validate", "--log", &off]);
+        let text = printed(&["validate", "--log", &off]);
         let line = text.lines().find(|line| line.starts_with("p_A: ")).unwrap();
         assert!(line.contains(wanted) && line.contains(mapping), "{line}");
         assert!(line.contains("p_PA does not show it"), "{line}");
@@ -272,10 +278,10 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
     }
     // a motor speed delayed relative to all other signals is one delay, not several advanced sensors
     late(&log, &off, "motor_speed_rpm", 2);
-    let text = said(&["validate", "--log", &off]);
+    let text = printed(&["validate", "--log", &off]);
     assert!(text.contains("motor speed: 20.0 ms late relative to x_cyl"), "{text}");
     assert!(!text.contains("delay of sensor") && !text.contains("each key on its own"), "{text}");
-    let text = said(&["validate", "--set", "payload.mass_kg=280", "--log", &log]);
+    let text = printed(&["validate", "--set", "payload.mass_kg=280", "--log", &log]);
     assert!(!text.contains("of its sensor"), "{text}");
     assert_eq!(text.matches("each key on its own").count(), 1, "{text}");
     let advice = text.lines().find(|line| line.contains("each key on its own")).unwrap();
@@ -285,10 +291,10 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
 /// Numbers without a unit in MPa and rad/s: assumed to be bar and rpm by their magnitude, and suspected
 /// because of the crane's expected values.
 #[test]
-fn units_that_are_guessed_wrong_are_suspected_by_size() {
+fn wrongly_guessed_units_are_suspected_by_magnitude() {
     let path = files("guessed-units");
     let (log, one, both) = (path("log.csv"), path("one.csv"), path("both.csv"));
-    said(&["simulate", "--speed-mm-s", "120", "--log", &log]);
+    printed(&["simulate", "--speed-mm-s", "120", "--log", &log]);
     let head = std::fs::read_to_string(&log).unwrap().lines().next().unwrap().to_string();
     let column =
         |begins: &str| head.split(',').find(|name| name.starts_with(begins)).unwrap().to_string();
@@ -312,7 +318,7 @@ fn units_that_are_guessed_wrong_are_suspected_by_size() {
 /// The paper's crane with another load, without noise, with free delays and offsets of the channels: a load
 /// that is 35 % lighter is found.
 #[test]
-fn another_load_is_found() {
+fn a_load_35_percent_lighter_is_identified() {
     is_found_or_called_local("another-load", 200.0);
 }
 
@@ -320,15 +326,15 @@ fn another_load_is_found() {
 /// nothing is called determined, and the wider search is named.
 #[test]
 #[ignore = "campaign"]
-fn campaign_an_empty_hook_is_found_or_the_search_is_called_a_local_one() {
+fn campaign_an_empty_hook_is_identified_or_the_search_called_local() {
     is_found_or_called_local("empty-hook", 60.0);
 }
 
 fn is_found_or_called_local(folder: &str, mass: f64) {
     let log = files(folder)("log.csv");
     let set = format!("payload.mass_kg={mass}");
-    said(&["simulate", "--set", &set, "--speed-mm-s", "120", "--log", &log]);
-    let text = said(&["tune", "--log", &log, "--to-s", "9", "--free", "payload.mass_kg"]);
+    printed(&["simulate", "--set", &set, "--speed-mm-s", "120", "--log", &log]);
+    let text = printed(&["tune", "--log", &log, "--to-s", "9", "--free", "payload.mass_kg"]);
     let row = text.lines().find(|line| line.starts_with("payload.mass_kg")).unwrap();
     let numbers: Vec<f64> = row.split_whitespace().filter_map(|n| n.parse().ok()).collect();
     let [_, found, low, high] = numbers[..4] else { panic!("{row}") };

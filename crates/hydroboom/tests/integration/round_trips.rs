@@ -160,8 +160,8 @@ fn motion_tests_are_read_back_and_their_report_has_its_figures() {
     let page = fs::read_to_string(at("out/motion.html")).unwrap();
     let digest = parsed(&["show", "--json"]);
     assert!(digest.is_object());
-    for told in ["hydroboom 0.", "reversal --plant-set", "SHA-256", "<dt>date</dt><dd>20"] {
-        assert!(page.contains(told), "no {told}");
+    for note in ["hydroboom 0.", "reversal --plant-set", "SHA-256", "<dt>date</dt><dd>20"] {
+        assert!(page.contains(note), "no {note}");
     }
     let drawn = page.matches("<figure>").count();
     assert!(drawn >= 9 && page.matches("role=\"img\" aria-label=\"").count() == drawn, "{drawn}");
@@ -187,7 +187,7 @@ fn motion_tests_are_read_back_and_their_report_has_its_figures() {
 
 /// A report can be reproduced from its origin block.
 #[test]
-fn a_report_says_how_it_was_made() {
+fn a_report_states_how_it_was_made() {
     let at = files("origin");
     let (crane, log) = (at("it's a crane.toml"), at("v.csv"));
     made(&["new", &crane]);

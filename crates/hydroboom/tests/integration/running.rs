@@ -1,6 +1,6 @@
 //! Runs with a machine, as users start them.
 
-use crate::support::command::{folder, hydroboom, keys, parsed, says};
+use crate::support::command::{fails_with, folder, hydroboom, keys, parsed};
 use std::process::Command;
 
 #[test]
@@ -50,15 +50,18 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
 
 /// Options of earlier versions are refused with their replacement.
 #[test]
-fn what_was_replaced_names_its_successor() {
-    says(&hydroboom(&["run", "--simulated-time", "--learned", "learned.json"]), "scheduled-lqr");
+fn replaced_options_are_refused_with_their_successors() {
+    fails_with(
+        &hydroboom(&["run", "--simulated-time", "--learned", "learned.json"]),
+        "scheduled-lqr",
+    );
     for command in ["run", "virtual"] {
-        says(&hydroboom(&[command, "--strategy", "model-following"]), "scheduled-lqr");
+        fails_with(&hydroboom(&[command, "--strategy", "model-following"]), "scheduled-lqr");
     }
 }
 
 #[test]
-fn a_run_is_replayed_reported_and_says_what_cannot_be() {
+fn a_run_is_replayed_and_reported_with_its_limitations() {
     let folder = folder("replay");
     let (log, report) = (folder.join("run.mcap"), folder.join("run.html"));
     let (log, report) = (log.to_str().unwrap(), report.to_str().unwrap());
@@ -71,14 +74,17 @@ fn a_run_is_replayed_reported_and_says_what_cannot_be() {
     let replayed = parsed(&["run", "--replay", log, "--json"]);
     assert_eq!(replayed["periods_in_another_state"], 0, "{replayed}");
     assert!(replayed["command_differs_by_rpm"].as_f64().unwrap() < 20.0, "{replayed}");
-    says(&hydroboom(&["run", "--simulated-time", "--scenario", "none"]), "reversal");
-    says(&hydroboom(&["run", "--simulated-time", "--speed-mm-s", "900"]), "0.1 to 240 mm/s");
-    says(&hydroboom(&["run", "--replay", report]), "not a log");
-    says(&hydroboom(&["run", "--simulated-time", "--dashboard", "0.0.0.0:0"]), "--allow-remote");
+    fails_with(&hydroboom(&["run", "--simulated-time", "--scenario", "none"]), "reversal");
+    fails_with(&hydroboom(&["run", "--simulated-time", "--speed-mm-s", "900"]), "0.1 to 240 mm/s");
+    fails_with(&hydroboom(&["run", "--replay", report]), "not a log");
+    fails_with(
+        &hydroboom(&["run", "--simulated-time", "--dashboard", "0.0.0.0:0"]),
+        "--allow-remote",
+    );
 }
 
 #[test]
-fn several_courses_are_summed_up() {
+fn results_of_several_courses_are_summarised() {
     let run = parsed(&["run", "--simulated-time", "--cycles", "3", "--json"]);
     let courses = run["courses"].as_array().unwrap();
     assert_eq!(courses.len(), 3);
@@ -109,10 +115,14 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
         .args(["-c", script, env!("CARGO_BIN_EXE_hydroboom"), log.to_str().unwrap()])
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success() && said.contains("not all outputs are written"), "{said}");
-    let (_, kept) = said.split_once("the log ends here; the part written is in ").expect(&said);
-    let (kept, _) = kept.split_once(".partial: ").expect(&said);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && message.contains("not all outputs are written"),
+        "{message}"
+    );
+    let (_, kept) =
+        message.split_once("the log ends here; the part written is in ").expect(&message);
+    let (kept, _) = kept.split_once(".partial: ").expect(&message);
     let kept = format!("{kept}.partial");
     let full: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let free = parsed(&["run", "--simulated-time", "--json"]);
@@ -126,7 +136,7 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
 }
 
 #[test]
-fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_its_load() {
+fn a_killed_machine_is_detected_and_a_killed_run_leaves_the_load_held() {
     // a computer that stalls may end the run early: then it is tried again
     for _ in 0..6 {
         let run = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
@@ -150,11 +160,11 @@ fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_i
         let output = run.wait_with_output().unwrap();
         assert!(!output.status.success());
         assert!(begun.elapsed().as_secs() < 5, "it went on");
-        let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        match said["fault"].as_str() {
+        let result: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        match result["fault"].as_str() {
             Some("machine-lost") if killed => return,
             Some(_) => {}
-            None => panic!("it went on without a machine: {said}"),
+            None => panic!("it went on without a machine: {result}"),
         }
     }
     panic!("deadlines were missed every time");
@@ -162,7 +172,7 @@ fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_i
 
 /// The campaign is tested in its own crate; here the output of the command for a part of it.
 #[test]
-fn the_fault_campaign_says_what_became_of_every_case() {
+fn the_fault_campaign_reports_the_outcome_of_every_case() {
     let campaign = parsed(&["faults", "--only", "p_A shows 0", "--json"]);
     let outcomes = campaign["outcomes"].as_array().unwrap();
     // five strategies at five moments

@@ -1,10 +1,10 @@
 //! Logs, tuning, sensitivity and other circuits, as users run them.
 
-use crate::support::command::{files, folder, hydroboom, keys, parsed, says};
+use crate::support::command::{fails_with, files, folder, hydroboom, keys, parsed};
 use hydroboom_lab::paper::TABLE_6;
 
 #[test]
-fn a_model_is_held_against_a_log_and_tuned_to_it() {
+fn a_model_is_compared_with_a_log_and_tuned_to_it() {
     let path = files("tune");
     let (log, mapping, report, tuned) =
         (path("fast.csv"), path("map.toml"), path("v.html"), path("tuned.toml"));
@@ -64,7 +64,10 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
     );
     let after = of(&["--crane", &tuned]);
     assert!(rms(&after, 0) < 0.5 * rms(&before, 0), "{} to {}", rms(&before, 0), rms(&after, 0));
-    says(&hydroboom(&["tune", "--log", &log, "--free", "boom.young"]), "boom.youngs_modulus_gpa");
+    fails_with(
+        &hydroboom(&["tune", "--log", &log, "--free", "boom.young"]),
+        "boom.youngs_modulus_gpa",
+    );
     let other = [
         "tune",
         "--log",
@@ -76,15 +79,15 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
         "--profile",
         "boom.length_mm",
     ];
-    says(&hydroboom(&other), "not among the keys that are moved");
-    says(&hydroboom(&["validate", "--log", &mapping]), "no row");
-    says(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
+    fails_with(&hydroboom(&other), "not among the keys that are moved");
+    fails_with(&hydroboom(&["validate", "--log", &mapping]), "no row");
+    fails_with(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
 }
 
 /// Section 5.2: the paper's manually tuned model differs from its crane as in Table 6.
 #[test]
 #[ignore = "campaign"]
-fn campaign_a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_seen() {
+fn campaign_tuning_halves_the_differences_of_table_6_on_a_held_out_log() {
     let path = files("table-6");
     let (seen, unseen) = (path("open.csv"), path("closed.csv"));
     for (strategy, log) in [("velocity-feedforward", &seen), ("benchmark-closed-loop", &unseen)] {
@@ -125,7 +128,7 @@ fn campaign_a_tuned_model_halves_the_differences_of_table_6_on_a_log_it_has_not_
 }
 
 #[test]
-fn a_crane_on_a_valve_is_written_checked_shown_and_refused_where_it_does_not_belong() {
+fn commands_for_a_pump_refuse_a_valve_controlled_crane() {
     let file = folder("valve").join("lift.toml");
     let path = file.to_str().unwrap();
     assert!(hydroboom(&["new", path, "--circuit", "valve-controlled"]).status.success());
@@ -141,13 +144,13 @@ fn a_crane_on_a_valve_is_written_checked_shown_and_refused_where_it_does_not_bel
     assert!(has("valve.neutral_v") && !has("pump.flow_gain"));
     for refuses in [&["motion"][..], &["simulate", "--speed-mm-s", "50"], &["sensitivity"]] {
         let output = hydroboom(&[refuses, &["--crane", path]].concat());
-        says(&output, "for self-contained cranes");
+        fails_with(&output, "for self-contained cranes");
     }
 }
 
 /// Log of a valve-controlled crane at rest, written by hand because no command makes one.
 #[test]
-fn a_log_of_a_crane_on_a_valve_drives_it() {
+fn a_valve_controlled_crane_is_simulated_from_its_log() {
     let path = files("valve-log");
     let (crane, log) = (&path("lift.toml"), &path("still.csv"));
     assert!(hydroboom(&["new", crane, "--circuit", "valve-controlled"]).status.success());
@@ -169,7 +172,7 @@ fn a_log_of_a_crane_on_a_valve_drives_it() {
 }
 
 #[test]
-fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
+fn intervals_and_logs_are_held_out_and_a_search_is_resumed() {
     let path = files("held");
     let (log, other, report, tuned) =
         (path("fast.csv"), path("slow.csv"), path("t.html"), path("tuned.toml"));
@@ -207,19 +210,22 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     assert!(page.contains("without 4 to 5 s"));
     assert!(page.matches("<svg").count() >= 6);
 
-    says(&hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", "7:6"]), "FROM:TO");
-    for (asked, said) in [("50:60", "outside the logs"), ("0:60", "leaves nothing")] {
+    fails_with(
+        &hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", "7:6"]),
+        "FROM:TO",
+    );
+    for (asked, expected) in [("50:60", "outside the logs"), ("0:60", "leaves nothing")] {
         let asked = hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", asked]);
-        says(&asked, said);
+        fails_with(&asked, expected);
     }
     let twice = "pump.flow_gain,pump.flow_gain";
-    says(&hydroboom(&["tune", "--log", &log, "--free", twice]), "names pump.flow_gain twice");
+    fails_with(&hydroboom(&["tune", "--log", &log, "--free", twice]), "names pump.flow_gain twice");
     let journal = path("search.json");
     std::fs::write(&journal, "{\"search\":\"another\",\"at\":[]}").unwrap();
     let other = ["tune", "--log", &log, "--free", "pump.flow_gain", "--journal", &journal];
-    says(&hydroboom(&other), "another search");
+    fails_with(&hydroboom(&other), "another search");
     std::fs::write(&journal, "nonsense").unwrap();
-    says(&hydroboom(&other), "no journal");
+    fails_with(&hydroboom(&other), "no journal");
     std::fs::remove_file(&journal).unwrap();
 
     // interrupted as by Ctrl-C and restarted: the same result as without an interruption
@@ -269,7 +275,7 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     assert!((0.5..1.6).contains(&(total(0) + total(1))), "{output}");
     let page = std::fs::read_to_string(report).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("Sobol"));
-    says(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
+    fails_with(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
     // the scheduled LQR is re-run; an error is never below zero, as a linear extrapolation from a minimum
     // would be
     let short =
@@ -286,14 +292,14 @@ fn parameters_are_ranked_with_slopes_and_indices() {
         let there = key[end]["output"].as_f64().unwrap();
         assert!(there > 0.0 && there != tracking["value"].as_f64().unwrap(), "{found}");
     }
-    says(&hydroboom(&["sensitivity", "--keys", "boom.young"]), "boom.youngs_modulus_gpa");
-    says(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
+    fails_with(&hydroboom(&["sensitivity", "--keys", "boom.young"]), "boom.youngs_modulus_gpa");
+    fails_with(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
 }
 
 /// Measured lift, which is not part of the project: the prediction of its ends that
 /// docs/explanation/measured-lift.md states, with the ends held out.
 #[test]
-fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
+fn held_out_ends_of_a_measured_lift_are_predicted() {
     let Ok(data) = std::env::var("HYDROBOOM_MEASURED_LOGS") else {
         eprintln!("skipped: HYDROBOOM_MEASURED_LOGS names no folder of measured logs");
         return;
@@ -342,7 +348,7 @@ fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
 /// From a log of the benchmark in closed loop, the proposed commands are an input of `simulate`. From a log
 /// of another crane nothing is proposed, and a motor at its limit is reported.
 #[test]
-fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
+fn learning_accepts_a_log_of_the_crane_and_refuses_one_of_another() {
     let path = files("learn-log");
     let course =
         ["motion.ramp_s=0.4", "motion.end_mm=130", "motion.dwell_s=0.3", "motion.rest_s=0.4"];
@@ -379,7 +385,7 @@ fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     let slow = ["motor.max_speed_rpm=1500"];
     virtual_log(&other, &[slow[0], "cylinder.piston_mm=100", "cylinder.rod_mm=56"]);
     let refused = run(with(&["learn", "--log", &other, "--out", &none, "--json"], &slow));
-    says(&refused, "no correction is proposed");
+    fails_with(&refused, "no correction is proposed");
     let found: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();
     assert!(found["refused"].to_string().contains("another crane"), "{found}");
     assert!(found["remarks"].to_string().contains("at its limit of 1500 rpm for"), "{found}");

@@ -1,9 +1,9 @@
 //! Verdicts on loops: an unstable one is reported, and its numbers are no results.
 
-use crate::support::command::{folder, hydroboom, parsed, says};
+use crate::support::command::{fails_with, folder, hydroboom, parsed};
 
 /// Printed text; the command must succeed.
-fn said(arguments: &[&str]) -> String {
+fn printed(arguments: &[&str]) -> String {
     let output = hydroboom(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
@@ -13,8 +13,8 @@ fn said(arguments: &[&str]) -> String {
 const LIGHT: [&str; 2] = ["--set", "payload.mass_kg=100"];
 
 #[test]
-fn design_tells_an_unstable_loop_in_place_of_its_margins() {
-    let text = said(&[&["design"], &LIGHT[..]].concat());
+fn design_reports_an_unstable_loop_without_margins() {
+    let text = printed(&[&["design"], &LIGHT[..]].concat());
     assert!(
         text.contains("benchmark: the closed loop is UNSTABLE at 25 to 475 mm, 19 of 19 positions"),
         "{text}"
@@ -27,18 +27,18 @@ fn design_tells_an_unstable_loop_in_place_of_its_margins() {
     assert!(position["benchmark"]["phase_deg"].is_null(), "{position}");
     assert_eq!(position["scheduled_lqr"]["stable"], true);
     let folder = folder("unstable-design");
-    said(&[&["design", "--out", folder.to_str().unwrap()], &LIGHT[..]].concat());
+    printed(&[&["design", "--out", folder.to_str().unwrap()], &LIGHT[..]].concat());
     let page = std::fs::read_to_string(folder.join("design.html")).unwrap();
     assert!(page.contains(r#"<td class="unstable">unstable</td>"#), "no cell says so");
     // the paper's crane is stable, and no text says otherwise
-    let text = said(&["design"]);
+    let text = printed(&["design"]);
     assert!(!text.to_lowercase().contains("unstable"), "{text}");
     assert_eq!(parsed(&["design", "--json"])["stable"], true);
 }
 
 #[test]
 fn motion_prints_no_error_of_a_run_in_sustained_oscillation() {
-    let text = said(&[&["motion", "--gains-as-given"], &LIGHT[..]].concat());
+    let text = printed(&[&["motion", "--gains-as-given"], &LIGHT[..]].concat());
     let row = |strategy: &str| text.lines().find(|line| line.starts_with(strategy)).unwrap();
     assert_eq!(row("benchmark-closed-loop").matches("unstable").count(), 2, "{text}");
     assert!(!row("scheduled-lqr").contains("unstable"), "{text}");
@@ -57,9 +57,9 @@ fn motion_prints_no_error_of_a_run_in_sustained_oscillation() {
 /// Text on standard error; the command must succeed.
 fn warned(arguments: &[&str]) -> String {
     let output = hydroboom(arguments);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{said}");
-    said
+    let printed = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{printed}");
+    printed
 }
 
 #[test]
@@ -90,15 +90,16 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
 /// Payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable. On the ideal plant that
 /// `motion` uses without --plant it is not. Each command reports both, and the row of the table is marked.
 #[test]
-fn commands_that_close_a_loop_through_other_lags_say_so() {
+fn commands_report_with_which_lags_they_close_the_loop() {
     let far = ["--set", "payload.x_mm=9000"];
-    for text in [said(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
+    for text in
+        [printed(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
     {
         assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
         let remark = "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the scheduled LQR is UNSTABLE";
         assert!(text.contains(remark), "{text}");
     }
-    let text = said(&[&["motion", "--gains-as-given"], &far[..]].concat());
+    let text = printed(&[&["motion", "--gains-as-given"], &far[..]].concat());
     let lqr = "scheduled LQR: the closed loop is UNSTABLE";
     let line = text.lines().find(|line| line.starts_with(lqr)).unwrap();
     assert!(line.ends_with("with an ideal drive and no delay)"), "{line}");
@@ -110,7 +111,7 @@ fn commands_that_close_a_loop_through_other_lags_say_so() {
 }
 
 #[test]
-fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
+fn linearise_reports_the_dead_band_and_proposes_a_point_outside() {
     let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
     assert_eq!(json["in_dead_band"], true);
     let remark = json["remark"].as_str().unwrap();
@@ -144,14 +145,14 @@ fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
 }
 
 #[test]
-fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
+fn eigen_shows_the_linearised_mode_and_lists_failed_strokes() {
     let json =
         parsed(&["eigen", "--set", "cylinder.piston_mm=100", "--stroke-mm", "100,700", "--json"]);
     let [row] = &json["eigenfrequency"].as_array().unwrap()[..] else { panic!("{json}") };
     let of = |name: &str| row[name].as_f64().unwrap();
     assert!((of("frictionless_hz") / of("linearised_hz") - 1.0).abs() < 0.02, "{row}");
     assert_eq!(json["failed"][0]["stroke_mm"], 700.0);
-    let text = said(&["eigen", "--set", "payload.mass_kg=60"]);
+    let text = printed(&["eigen", "--set", "payload.mass_kg=60"]);
     assert!(text.contains("At 400 mm friction ends the oscillation"), "{text}");
     assert!(text.contains("6.386"), "{text}");
     assert!(text.contains("34.5 bar are shut in (oscillation.rod_side_bar)"), "{text}");
@@ -159,25 +160,25 @@ fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
 
 /// The virtual crane has ten segments and an elastic base: its last angle belongs to the base.
 #[test]
-fn eigen_says_which_angle_is_the_bases() {
+fn eigen_names_the_angle_of_the_base() {
     let file = format!("{}/../../cranes/uia-virtual.toml", env!("CARGO_MANIFEST_DIR"));
-    let text = said(&["eigen", "--crane", &file, "--stroke-mm", "200"]);
+    let text = printed(&["eigen", "--crane", &file, "--stroke-mm", "200"]);
     assert!(text.contains("angles of the segments, and of the base"), "{text}");
-    assert!(!said(&["eigen", "--stroke-mm", "200"]).contains("of the base"));
+    assert!(!printed(&["eigen", "--stroke-mm", "200"]).contains("of the base"));
 }
 
 #[test]
 fn stiff_bristles_take_substeps_or_are_refused() {
     let stiff = ["--set", "friction.law=lugre", "--set", "friction.bristle_stiffness_n_per_mm=3e5"];
     let run = ["simulate", "--speed-mm-s", "120", "--scheme", "published"];
-    assert!(said(&[&run[..], &stiff].concat()).contains("substeps per step: 3"));
+    assert!(printed(&[&run[..], &stiff].concat()).contains("substeps per step: 3"));
     let checked = parsed(&[&["check", "--json"], &stiff[..]].concat());
     let limit = &checked["at_rest"][1]["step_limit_us"]["bristle"];
     assert!((5.0..36.0).contains(&limit.as_f64().unwrap()), "{limit}");
     let folder = folder("stiff-bristles");
     for target in ["c", "st"] {
         let arguments = ["export", target, "--out", folder.to_str().unwrap()];
-        says(&hydroboom(&[&arguments[..], &stiff].concat()), "2 g/(sigma_0 |v|)");
+        fails_with(&hydroboom(&[&arguments[..], &stiff].concat()), "2 g/(sigma_0 |v|)");
     }
 }
 
@@ -201,11 +202,11 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
 }
 
 #[test]
-fn designed_gains_are_written_with_where_they_come_from() {
+fn designed_gains_are_written_with_their_provenance() {
     let folder = folder("designed-gains");
     let [made, tuned] = ["crane.toml", "tuned.toml"].map(|name| folder.join(name));
     let [made, tuned] = [&made, &tuned].map(|path| path.to_str().unwrap());
-    said(&["new", made]);
+    printed(&["new", made]);
     let designed = parsed(&[
         "design",
         "--benchmark",
@@ -253,12 +254,12 @@ fn designed_gains_are_written_with_where_they_come_from() {
 }
 
 #[test]
-fn a_file_of_overrides_is_told_from_a_crane_file() {
+fn a_file_of_overrides_is_refused_as_a_crane_file() {
     for name in ["double-mass", "half-mass", "off-model", "other-lever"] {
         let file = format!("{}/../../cranes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         for command in ["check", "design", "eigen", "linearise"] {
             let refused = hydroboom(&[command, "--crane", &file]);
-            says(&refused, "is a list of overrides, and no crane file");
+            fails_with(&refused, "is a list of overrides, and no crane file");
             assert!(String::from_utf8_lossy(&refused.stderr).lines().count() < 8);
         }
     }

@@ -260,7 +260,10 @@ mod tests {
         assert_eq!(paths("pressure_a.offset"), ["pressure_a.offset_bar"]);
         assert_eq!(paths("delay").len(), CRANE);
         assert_eq!(paths("all").len(), Nuisance::COUNT);
-        let said = Nuisance::named("stroke.late").unwrap_err().to_string();
-        assert!(said.contains("stroke.late") && said.contains("stroke.delay_ms"), "{said}");
+        let message = Nuisance::named("stroke.late").unwrap_err().to_string();
+        assert!(
+            message.contains("stroke.late") && message.contains("stroke.delay_ms"),
+            "{message}"
+        );
     }
 }

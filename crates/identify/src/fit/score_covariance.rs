@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn white_noise_has_the_variance_of_the_information_matrix_and_correlated_noise_a_larger_one() {
+    fn white_noise_gives_the_information_matrix_and_correlated_noise_more() {
         let white = average(|seed| of_mean(vec![measured(noise(4000, 0.0, seed))]));
         assert!((white - 1.0).abs() < 0.15, "{white}");
         // the variance of the mean of an autoregressive process is (1 + a)/(1 - a) times that of white noise

@@ -178,10 +178,10 @@ fn a_profile_is_quadratic_for_a_determined_key_and_open_for_an_undetermined_one(
 
 #[test]
 fn an_unknown_key_is_refused_with_a_suggestion() {
-    let said = |path: &str| Free::from_path(path).unwrap_err().to_string();
-    assert!(said("boom.young").contains("boom.youngs_modulus_gpa"), "{}", said("boom.young"));
-    assert!(said("boomm.mass").contains("boom.mass_kg"), "{}", said("boomm.mass"));
-    assert!(said("quux").contains("hydroboom show"), "{}", said("quux"));
+    let message = |path: &str| Free::from_path(path).unwrap_err().to_string();
+    assert!(message("boom.young").contains("boom.youngs_modulus_gpa"), "{}", message("boom.young"));
+    assert!(message("boomm.mass").contains("boom.mass_kg"), "{}", message("boomm.mass"));
+    assert!(message("quux").contains("hydroboom show"), "{}", message("quux"));
     assert_eq!(Free::from_path("friction.coulomb").unwrap().path(), "friction.coulomb_n");
 }
 

@@ -68,7 +68,7 @@ fn a_delayed_position_changes_its_delay_and_no_key() {
 }
 
 #[test]
-fn a_transmitter_of_absolute_pressure_is_off_by_an_atmosphere_and_the_payload_is_not() {
+fn an_absolute_pressure_transmitter_gives_an_offset_and_no_load_error() {
     let channels = [(Signal::Stroke, 0.0, 0.0), (Signal::PressureA, 0.0, ATMOSPHERE)];
     let found = tuned(&channels, &[]);
     assert_eq!(holds_truth(&found), [true; 3]);
@@ -84,7 +84,7 @@ fn a_transmitter_of_absolute_pressure_is_off_by_an_atmosphere_and_the_payload_is
 }
 
 #[test]
-fn a_log_of_simulate_itself_holds_its_own_truth() {
+fn intervals_from_a_simulated_log_contain_the_true_values() {
     let found = tuned(&[(Signal::Stroke, 0.0, 0.0)], &[]);
     assert_eq!(holds_truth(&found), [true; 3]);
 }

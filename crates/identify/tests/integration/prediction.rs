@@ -102,7 +102,7 @@ const POSITION_AND_PRESSURE: [(Signal, f64, f64); 2] =
 /// A boom softer by a fifth than the crane's shows in the frequency too. At half the speed the boom
 /// oscillates for long; at full speed the damping is too strong for the frequency to be judged.
 #[test]
-fn a_frequency_that_is_off_names_keys_that_move_the_frequency() {
+fn a_wrong_frequency_proposes_keys_that_change_it() {
     let truth = Description::uia_single_boom().unwrap();
     let wrong = with(&truth, "boom.youngs_modulus_gpa", 0.8);
     let experiment = log_at(&truth, 0.06, 1.0, 1);
@@ -128,7 +128,7 @@ fn a_payload_of_a_third_is_estimated_as_a_third() {
 
 /// A quantity within its limit leads to no proposal.
 #[test]
-fn a_model_beside_its_own_log_has_no_remedies() {
+fn a_log_of_the_model_itself_gives_no_remedies() {
     let model = Description::uia_single_boom().unwrap();
     assert!(remedies(&model, &log_of(&model, 0.0, 1)).unwrap().1.is_empty());
 }

@@ -47,7 +47,7 @@ fn compared(model: &Description, each: &[Experiment]) -> (f64, f64) {
 }
 
 #[test]
-fn an_hour_that_the_clock_jumped_is_not_simulated() {
+fn a_clock_jump_of_an_hour_is_not_simulated() {
     let (model, each) = experiments("jump.csv", |t| Some(if t < 8.995 { t } else { t + 3600.0 }));
     assert_eq!(each.len(), 2);
     let (rms, duration) = compared(&model, &each);
@@ -57,7 +57,7 @@ fn an_hour_that_the_clock_jumped_is_not_simulated() {
 }
 
 #[test]
-fn a_clock_that_was_set_back_loses_nothing_of_the_log() {
+fn a_clock_set_back_loses_no_samples() {
     let (model, each) = experiments("reset.csv", |t| Some(if t < 8.995 { t } else { t - 8.0 }));
     assert_eq!(each.len(), 2);
     let (rms, duration) = compared(&model, &each);
@@ -66,7 +66,7 @@ fn a_clock_that_was_set_back_loses_nothing_of_the_log() {
 }
 
 #[test]
-fn after_samples_that_are_missing_the_model_begins_anew() {
+fn the_model_restarts_after_missing_samples() {
     // while the piston rests, and while it moves
     let (model, each) = experiments("gap.csv", |t| Some(t).filter(|t| !(8.5..9.0).contains(t)));
     assert_eq!(each.len(), 2);

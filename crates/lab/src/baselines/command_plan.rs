@@ -45,7 +45,7 @@ mod tests {
     /// With single-period blocks at the start of the horizon, the shifted plan yields the commands planned
     /// for the next periods.
     #[test]
-    fn a_period_without_a_plan_takes_the_next_command_of_the_last() {
+    fn a_period_without_a_plan_uses_the_next_command_of_the_last_plan() {
         let mut plan = CommandPlan::default();
         assert_eq!((plan.command(None), plan.without_solution()), (0.0, 1));
         let commands = std::array::from_fn(|k| 10.0 + k as f64);

@@ -56,14 +56,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weights_add_up_to_the_periods_behind_the_first() {
+    fn weights_of_blocks_add_up_to_the_horizon() {
         let all: f64 = WEIGHTS.iter().sum();
         assert_eq!(all + 0.5 * (PERIODS[0] + 1) as f64, BEGINS[BLOCKS] as f64);
         assert_eq!(WEIGHTS[..5], [1.0; 5]);
     }
 
     #[test]
-    fn commands_that_are_a_ramp_over_time_stay_that_ramp() {
+    fn a_ramp_of_blocked_commands_stays_a_ramp_when_shifted() {
         let middle = |k: usize| BEGINS[k] as f64 + 0.5 * PERIODS[k] as f64;
         let ramp: [f64; BLOCKS] = std::array::from_fn(middle);
         // exact where the next block is as long, as with single-period blocks

@@ -191,7 +191,7 @@ mod tests {
 
     /// Without an active limit the first command is the regulator's, up to the effect of move blocking.
     #[test]
-    fn without_a_limit_to_meet_it_is_the_regulator() {
+    fn linear_mpc_without_active_limits_is_the_regulator() {
         let machine = machine_at_rest(&Description::uia_single_boom().unwrap());
         let (law, now) = (&machine.law, machine.now().unwrap());
         let still = Preview::at_rest(law.period, 0.25);

@@ -225,7 +225,7 @@ fn the_converged_controller_finds_what_ipopt_finds() {
 /// differences are move blocking and the model's integration step of up to 5 ms. The load's mode of 15
 /// rad/s turns by 0.04 rad in half such a step.
 #[test]
-fn on_a_linear_plant_it_is_the_regulator() {
+fn nonlinear_mpc_on_a_linear_plant_is_the_regulator() {
     let mut machine = machine_at_rest(&Description::uia_single_boom().unwrap());
     let model = &mut machine.law.model;
     // no gradients along the stroke, no leakage, constant bulk modulus
@@ -276,7 +276,7 @@ fn first_change(problem: &mut OptimalControlProblem, off: [f64; 4]) -> f64 {
 /// The crane's own reduced model includes gradients along the stroke and of the bulk modulus, which the
 /// regulator neglects. They change the command by some percent.
 #[test]
-fn near_an_operating_point_it_is_about_the_regulator() {
+fn nonlinear_mpc_near_an_operating_point_approximates_the_regulator() {
     let machine = machine_at_rest(&Description::uia_single_boom().unwrap());
     let [position, velocity, load_pressure, _] = OFF;
     for off in [position, velocity, load_pressure] {
@@ -328,7 +328,7 @@ fn a_lower_limit_of_the_pressure_is_kept_within_the_limits_of_the_motor() {
 /// The controller's price of a pressure violation exceeds every multiplier. Where the problem with hard
 /// limits has a solution, the problem with prices has the same one.
 #[test]
-fn pressures_are_kept_as_hard_limits_are_where_that_is_possible() {
+fn penalised_pressure_limits_equal_hard_ones_where_feasible() {
     let description = Description::uia_single_boom().unwrap();
     let machine = machine_at_rest(&description);
     let price = NonlinearMpc::new(&description).unwrap().limits.pressure_price;

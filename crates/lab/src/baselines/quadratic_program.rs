@@ -377,7 +377,7 @@ mod tests {
     /// Exact penalty. With a price above the multiplier of the hard limit the minimum is that of the hard
     /// program. With a price below it the limit is exceeded.
     #[test]
-    fn a_price_above_the_multiplier_is_a_hard_limit() {
+    fn a_penalty_above_the_multiplier_acts_as_a_hard_limit() {
         let minimum = |price: f64| {
             let mut program = program();
             program.prices[2] = price;
@@ -403,14 +403,14 @@ mod tests {
     }
 
     #[test]
-    fn ten_iterations_do() {
+    fn ten_iterations_are_sufficient() {
         let exact = program().minimum(30).unwrap();
         let found = program().minimum(10).unwrap();
         assert!((found - exact).amax() < 1e-5, "{found} {exact}");
     }
 
     #[test]
-    fn without_a_limit_in_the_way_it_is_the_unlimited_minimum() {
+    fn without_active_limits_the_minimum_is_the_unconstrained_one() {
         let mut program = program();
         program.slope *= 1e-2;
         let x = program.minimum(0).unwrap();

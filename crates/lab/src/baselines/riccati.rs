@@ -46,7 +46,7 @@ mod tests {
     use nalgebra::{matrix, vector};
 
     #[test]
-    fn an_integrator_has_the_golden_ratio() {
+    fn the_riccati_solution_of_an_integrator_is_the_golden_ratio() {
         let one = matrix![1.0];
         let (p, gain) = least_cost(&one, &one, &one, &one).unwrap();
         let golden = 0.5 * (1.0 + 5.0_f64.sqrt());

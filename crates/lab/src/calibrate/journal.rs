@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_interrupted_journal_is_taken_up_where_it_stopped() {
+    fn an_interrupted_calibration_is_resumed_from_its_journal() {
         let path = std::env::temp_dir().join(format!("journal-{}.csv", std::process::id()));
         let points = [[0.1, 1.0 / 3.0], [2e-9, -7.0]];
         let mut journal = Journal::open(&path, "search 1").unwrap();

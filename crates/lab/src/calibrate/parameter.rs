@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_crane_keeps_the_parameters_it_is_given() {
+    fn calibrated_parameters_are_read_back_from_the_crane() {
         let template = Description::uia_single_boom().unwrap();
         let shares = [0.3; PARAMETERS.len()];
         let found = shares_of(&crane_at(&template, &shares).unwrap());

@@ -168,7 +168,7 @@ mod tests {
     /// Independent of the limits in the crane file, each switch changes at least one number and gives a
     /// valid file.
     #[test]
-    fn every_mechanism_is_switched_off_by_keys_that_a_crane_file_may_have() {
+    fn every_mechanism_can_be_switched_off_by_keys_of_a_crane_file() {
         let as_published = Description::uia_single_boom().unwrap();
         let mut tuned = as_published.clone();
         for assignment in [

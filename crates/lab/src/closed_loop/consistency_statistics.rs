@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_with_a_load_change_does_not_count() {
+    fn a_window_with_a_load_change_is_excluded() {
         let mut run = Innovations::new(100, 2..=20);
         for k in 0..1000 {
             // windows 3 and 7 are excluded, whatever their innovations

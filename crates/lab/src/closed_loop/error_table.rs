@@ -354,7 +354,7 @@ slow,1,0,scheduled-lqr,1.0,1.0,1,false,1060,11,3
     /// Computed by hand: true ratios 0.5, 0.25 and 1.5, the fourth run not finished. The fifth crane and
     /// the slow course have no benchmark.
     #[test]
-    fn ratios_are_those_on_the_same_crane_seed_and_course() {
+    fn ratios_are_formed_for_the_same_crane_seed_and_course() {
         let rows = table(&[BENCHMARK, OURS]).unwrap().rows();
         let [benchmark, row] = &rows[..] else { panic!("{rows:?}") };
         assert_eq!((benchmark.cranes, benchmark.worse), (4, 0));
@@ -379,7 +379,7 @@ slow,1,0,scheduled-lqr,1.0,1.0,1,false,1060,11,3
 
     /// Computed by hand: half of the scheduled LQR's error on crane 0, twice on crane 1.
     #[test]
-    fn what_is_compared_with_the_scheduled_lqr_is_on_the_same_crane() {
+    fn controllers_are_compared_with_the_scheduled_lqr_on_the_same_crane() {
         let other = "\
 course,seed,crane,controller,true_rms_mm,measured_rms_mm,sustained_oscillation
 fast,1,0,linear-mpc,0.5,1.5,false
@@ -407,7 +407,7 @@ fast,1,7,linear-mpc,9.0,9.0,false
     }
 
     #[test]
-    fn a_file_that_cannot_be_read_says_where() {
+    fn an_unreadable_file_is_refused_with_its_line() {
         let says = |files: &[&str], what: &str| {
             let error = table(files).unwrap_err().to_string();
             assert!(error.contains("a.csv") && error.contains(what), "{error}");

@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn cranes_of_an_interrupted_evaluation_have_gone_all_the_way() {
+    fn an_interrupted_evaluation_contains_complete_cranes_only() {
         let model = Description::uia_single_boom().unwrap();
         let nominal = Description::uia_virtual().unwrap();
         let courses = ["small-moves", "reversal"].map(|s| CourseChoice::Scenario(s.into()));

@@ -133,7 +133,7 @@ mod tests {
 
     /// Two cranes with payloads within both controllers' design range.
     #[test]
-    fn both_controllers_are_looked_at_around_the_same_cranes() {
+    fn both_controllers_are_evaluated_on_the_same_cranes() {
         let model = Description::uia_single_boom().unwrap();
         let [benchmark, scheduled_lqr, identified] = &family_margins(&model, 2, 1).unwrap()[..]
         else {

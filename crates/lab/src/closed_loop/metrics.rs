@@ -411,7 +411,7 @@ pub(crate) mod tests {
     /// An oscillation whose command reaches the motor's limits, of speed or slew rate, is distinguished
     /// from one within them.
     #[test]
-    fn an_oscillation_says_whether_the_motor_is_at_its_limit() {
+    fn an_oscillation_with_the_motor_at_its_limit_is_distinguished() {
         let swing = |time: f64| 3e-3 * (8.0 * time).sin();
         // a fast turn before the oscillation does not belong to it
         let first = |time: f64| if time < 0.01 { 50.0 } else { 0.0 };
@@ -451,7 +451,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_course_that_ends_in_an_oscillation_is_told_from_one_that_comes_to_rest() {
+    fn a_sustained_oscillation_is_distinguished_from_a_decaying_one() {
         let swing = |time: f64| 3e-3 * (12.0 * time).sin();
         let oscillates = |off: &dyn Fn(f64) -> f64| metrics(off).oscillates();
         assert!(oscillates(&swing));
@@ -471,7 +471,7 @@ pub(crate) mod tests {
     /// second in the first rest. During motion it is 1000 rpm higher. So it is in the second after a motion
     /// or a load change, and in the 0.4 s before a motion.
     #[test]
-    fn motor_ripple_is_told_of_settled_rests_alone_about_the_speed_of_each() {
+    fn motor_ripple_is_computed_about_the_mean_of_each_settled_rest() {
         let description = Description::uia_virtual().unwrap();
         let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
         let (signals, truth) = (crane.signals(), crane.truth());

@@ -128,7 +128,7 @@ mod tests {
 
     /// On one core a group completes all courses before the next group begins.
     #[test]
-    fn cranes_of_an_interrupted_family_have_gone_all_the_way() {
+    fn an_interrupted_family_contains_complete_cranes_only() {
         let model = Description::uia_single_boom().unwrap();
         let mut nominal = Description::uia_virtual().unwrap();
         let n = &mut nominal.numbers;

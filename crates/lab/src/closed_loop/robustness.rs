@@ -309,7 +309,7 @@ mod tests {
     /// A short course on a light crane whose loop is unstable with the published gains. Its row is marked,
     /// whether the run oscillated or not.
     #[test]
-    fn a_row_of_an_unstable_loop_bears_a_mark() {
+    fn a_row_of_an_unstable_loop_is_marked() {
         let model = Description::uia_single_boom().unwrap();
         let mut light = model.clone();
         light.set("payload.mass_kg=100").unwrap();

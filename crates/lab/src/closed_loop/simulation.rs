@@ -331,7 +331,7 @@ mod tests {
 
     /// Without preview, commands do not depend on later set points.
     #[test]
-    fn a_course_that_is_not_known_ahead_is_followed_without_looking_ahead() {
+    fn a_course_unknown_in_advance_is_followed_without_preview() {
         /// Rests at first; then moves outwards at 0.1 m/s if `goes` is set.
         struct Joystick {
             goes: bool,
@@ -378,7 +378,7 @@ mod tests {
 
     /// Courses of different shape and duration give the same results together as alone.
     #[test]
-    fn each_crane_side_by_side_goes_its_own_course() {
+    fn cranes_simulated_side_by_side_follow_their_own_courses() {
         let model = Description::uia_single_boom().unwrap();
         let crane = Description::uia_virtual().unwrap();
         let courses = ["reversal", "small-moves", "reversal", "start-stop"]

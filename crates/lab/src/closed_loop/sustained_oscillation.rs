@@ -87,7 +87,7 @@ mod tests {
     /// The same metrics, which end in an oscillation of 3 mm, for two cranes. The crane on soft oil
     /// oscillates under the benchmark controller, the other one does not.
     #[test]
-    fn what_swings_at_the_end_rings_on_only_where_it_never_comes_to_rest() {
+    fn an_oscillation_at_the_end_is_sustained_only_if_it_does_not_decay() {
         let model = Description::uia_single_boom().unwrap();
         let course = model.motion(model.numbers.fast);
         let late = |time: f64| if time > 2.0 { 3e-3 * (8.0 * time).sin() } else { 0.0 };

@@ -544,7 +544,7 @@ mod tests {
     /// Cranes of varying stiffness that were not used for tuning. The bounds have their coverage, and the
     /// survey reduces the error to what its noise allows.
     #[test]
-    fn bounds_cover_and_a_survey_counts_on_fresh_cranes() {
+    fn tip_bounds_have_their_coverage_and_a_survey_reduces_the_error() {
         let model = Description::uia_single_boom().unwrap();
         let nominal = Description::uia_virtual().unwrap();
         let family =

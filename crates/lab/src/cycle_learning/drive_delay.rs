@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_delay_is_divided_between_lag_and_dead_time_and_stays_the_same() {
+    fn dividing_a_delay_into_lag_and_dead_time_keeps_its_sum() {
         let mut model = Description::uia_single_boom().unwrap();
         let known = model.numbers.tuning.estimator_drive_lag;
         let described = with_drive(&model);

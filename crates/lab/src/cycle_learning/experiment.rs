@@ -478,9 +478,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_errs_more_than_the_nominal_model_or_leaves_a_range_is_not_to_be_used() {
-        let said = worse_than_nominal(Some(3.0), Some(2.0)).unwrap();
-        assert!(said.contains("3.00 mm") && said.contains("2.00 mm"), "{said}");
+    fn a_model_worse_than_nominal_or_outside_a_range_is_unusable() {
+        let message = worse_than_nominal(Some(3.0), Some(2.0)).unwrap();
+        assert!(message.contains("3.00 mm") && message.contains("2.00 mm"), "{message}");
         assert!(worse_than_nominal(Some(f64::NAN), Some(2.0)).is_some());
         assert_eq!(worse_than_nominal(Some(2.0), Some(3.0)), None);
         assert_eq!(worse_than_nominal(Some(2.0), None), None);

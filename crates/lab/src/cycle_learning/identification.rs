@@ -254,15 +254,15 @@ mod tests {
         assert!(improbable(&keys(&[(0.3 * 3.6, 0.001)])).is_some());
         assert!(improbable(&keys(&[(0.15 * 3.6, half); 3])).is_some());
         // a key without information in the log adds no degree of freedom; small deviations are no contradiction
-        let said = improbable(&keys(&[(0.3 * 3.6, 0.001), (0.0, 0.3), (0.0, 0.3), (0.0, 0.3)]));
-        assert!(said.unwrap().starts_with("the 1 keys"));
+        let message = improbable(&keys(&[(0.3 * 3.6, 0.001), (0.0, 0.3), (0.0, 0.3), (0.0, 0.3)]));
+        assert!(message.unwrap().starts_with("the 1 keys"));
         assert_eq!(improbable(&keys(&[(0.3, 0.001), (-0.2, half), (0.25, half)])), None);
         assert_eq!(improbable(&keys(&[(0.0, 0.3)])), None);
     }
 
     /// The interval is that of the fit, about the mass at the model's lever.
     #[test]
-    fn the_payload_has_its_interval_and_its_lever() {
+    fn the_identified_payload_has_an_interval_and_a_lever() {
         let model = Description::uia_single_boom().unwrap();
         let mut found = keys(&[(0.1, 0.02)]);
         let payload = IdentifiedPayload::of(&found, &model).unwrap();

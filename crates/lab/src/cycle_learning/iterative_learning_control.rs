@@ -416,7 +416,7 @@ mod tests {
     /// After a correction during motion, the nonlinear model oscillates about the linearised response.
     /// Their means agree.
     #[test]
-    fn the_response_is_that_of_the_machine() {
+    fn the_linearised_response_agrees_with_the_nonlinear_model() {
         let (course, machine) = (course(), machine());
         let commands = feedforward(&course);
         let (interval, column) = (0.4, 7);
@@ -444,7 +444,7 @@ mod tests {
 
     /// Learning with a model whose pump differs from the machine's reduces the machine's error.
     #[test]
-    fn learning_corrects_what_the_model_does_not_know() {
+    fn learning_reduces_the_error_under_model_mismatch() {
         let course = course();
         let model = with_drive(&Description::uia_single_boom().unwrap());
         let commands = feedforward(&course);
@@ -463,7 +463,7 @@ mod tests {
     /// With closely spaced knots a correction excites the load's mode. Without a bound on its size a cycle
     /// may increase the error on a crane with another payload, which the convergence test reports.
     #[test]
-    fn a_correction_that_excites_the_load_is_refused_with_its_corner() {
+    fn a_correction_that_excites_the_load_fails_the_convergence_test() {
         let (course, mut model) = (course(), with_drive(&Description::uia_single_boom().unwrap()));
         let periods = feedforward(&course).len();
         let convergence = |model: &Description| {

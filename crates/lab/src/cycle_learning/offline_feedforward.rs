@@ -157,7 +157,7 @@ mod tests {
     /// The same short motion keeps the margins of the crane file, and exceeds those of one with lower
     /// pressure limits.
     #[test]
-    fn commands_beyond_a_margin_are_not_given() {
+    fn commands_that_exceed_a_margin_are_not_issued() {
         let mut model = with_drive(&Description::uia_single_boom().unwrap());
         for set in
             ["motion.ramp_s=0.4", "motion.end_mm=150", "motion.dwell_s=0.3", "motion.rest_s=0.3"]

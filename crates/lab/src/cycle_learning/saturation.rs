@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_motor_lacks_is_told_with_time_and_amount() {
+    fn motor_saturation_is_reported_with_time_and_amount() {
         let mut model = Description::uia_single_boom().unwrap();
         let n = &mut model.numbers;
         (n.motor_speed, n.motor_slew, n.drive_bandwidth) = (40.0, 100.0, 60.0);

@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_share_grows_and_a_no_ends_it() {
+    fn progress_increases_and_a_stop_request_ends_the_work() {
         let told = Mutex::new(Vec::new());
         let go_on = |share: f64| {
             told.lock().unwrap().push(share);
@@ -124,7 +124,7 @@ mod tests {
 
     /// The work never reports; the request reaches it by the flag, and shares do not fall.
     #[test]
-    fn a_request_reaches_work_that_does_not_ask() {
+    fn a_stop_request_reaches_work_that_reports_no_progress() {
         let told = Mutex::new(Vec::new());
         let go_on = |share: f64| {
             let mut told = told.lock().unwrap();

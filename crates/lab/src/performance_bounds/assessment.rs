@@ -303,7 +303,7 @@ mod tests {
 
     /// The error due to noise and drifts is linear in them: doubled, they double the error.
     #[test]
-    fn noise_and_drifts_that_are_twice_as_large_leave_twice_the_error() {
+    fn doubled_noise_and_drifts_double_the_error() {
         let crane = equipped();
         let course = crane.motion(crane.numbers.fast);
         let along = CraneAlongCourse::new(&crane, &course).unwrap();

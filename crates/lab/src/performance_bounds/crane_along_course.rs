@@ -191,7 +191,7 @@ mod tests {
     /// A trapezoid of velocity has two corners at each of its four ramps. The same motion through a moving average
     /// of 100 ms, which limits its jerk, has none.
     #[test]
-    fn corners_of_the_reference_are_changes_and_limited_jerk_is_none() {
+    fn corners_of_the_reference_are_found_and_jerk_limited_ones_are_none() {
         let mut crane = Description::uia_single_boom().unwrap();
         let n = &mut crane.numbers;
         (n.rest, n.dwell, n.ramp) = (0.2, 0.2, 0.3);

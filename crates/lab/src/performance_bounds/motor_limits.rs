@@ -248,7 +248,7 @@ mod tests {
 
     /// Without limits any motion is possible with a known reference.
     #[test]
-    fn a_motor_without_limits_makes_any_motion() {
+    fn without_motor_limits_any_motion_is_followed() {
         let crane = crane();
         let along = CraneAlongCourse::new(&crane, &crane.motion(crane.numbers.fast)).unwrap();
         let none = MotorLimits { speed: f64::INFINITY, slew: f64::INFINITY };
@@ -259,7 +259,7 @@ mod tests {
     /// Without preview the error is no smaller than with preview, and it grows with the delay of the
     /// commands.
     #[test]
-    fn what_is_not_known_ahead_costs_more_the_later_it_is_acted_on() {
+    fn without_preview_the_error_grows_with_the_command_delay() {
         let crane = crane();
         let course = crane.motion(crane.numbers.fast);
         let along = CraneAlongCourse::new(&crane, &course).unwrap();
@@ -304,7 +304,7 @@ mod tests {
 
     /// A load change without preview costs more than one with preview, and a larger one costs more.
     #[test]
-    fn a_load_that_is_not_known_ahead_costs_more_than_one_that_is() {
+    fn an_unknown_load_change_costs_more_than_a_known_one() {
         let crane = crane();
         let errors = [10.0, 40.0].map(|more| {
             let load = Load { time: 0.4, mass: crane.numbers.payload + more };

@@ -375,7 +375,7 @@ mod tests {
     /// Ramp of twice the speed limit for a time τ: the optimum begins τ/2 earlier and ends τ/2 later, ∫ e²
     /// dt = v² τ³/6.
     #[test]
-    fn a_motor_that_is_too_slow_begins_sooner() {
+    fn with_a_speed_limit_the_optimal_motion_starts_earlier() {
         let (speed, time) = (30.0, 0.2);
         let at = |k: usize| 2.0 * speed * ((k as f64 + 1.0) * PERIOD - 0.3).clamp(0.0, time);
         let reference: Vec<f64> = (0..800).map(at).collect();
@@ -393,7 +393,7 @@ mod tests {
     /// Step of the reference speed by H with slew rate s: the optimum is a ramp centred on the step, ∫ e²
     /// dt = H³/(12 s).
     #[test]
-    fn a_leap_becomes_a_ramp_about_it() {
+    fn with_a_slew_limit_a_step_becomes_a_centred_ramp() {
         let (leap, slew) = (20.0, 100.0);
         let period = |k: usize| LinearPeriod {
             by_state: Matrix1::new(1.0),
@@ -413,7 +413,7 @@ mod tests {
 
     /// Expensive changes increase the error; the lower bound excludes their effect.
     #[test]
-    fn what_changes_cost_is_not_counted_as_an_error() {
+    fn the_cost_of_command_changes_is_not_counted_as_error() {
         let (speed, slew) = (30.0, 200.0);
         let at = |k: usize| 2.0 * speed * ((k as f64 + 1.0) * PERIOD - 0.3).clamp(0.0, 0.2);
         let periods = integrator(&(0..800).map(at).collect::<Vec<_>>());
@@ -430,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_can_be_ended() {
+    fn an_optimisation_can_be_interrupted() {
         let periods = integrator(&[1.0; 10]);
         assert_eq!(best_deviation(&periods, [None; 2], 1e-6, TIGHT, &|| false).unwrap(), None);
     }

@@ -157,7 +157,7 @@ mod tests {
 
     /// Exact measurements that act h periods later: q (1 − a^2h)/(1 − a²), Åström's minimum variance.
     #[test]
-    fn delay_costs_what_minimum_variance_control_leaves() {
+    fn delay_costs_the_error_of_minimum_variance_control() {
         let (pole, process) = (0.9_f64, 0.3);
         let course = first_order(pole, process, 20_000);
         for delay in [1, 2, 5] {
@@ -173,7 +173,7 @@ mod tests {
     /// Random walk with measurement noise of the same variance as its steps: the filtered variance is the
     /// golden ratio minus one.
     #[test]
-    fn noise_costs_what_the_kalman_filter_leaves() {
+    fn noise_costs_the_error_of_the_kalman_filter() {
         let course = first_order(1.0, 1.0, 20_000);
         let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
         let found = rms(&course, 1.0, 0.0).powi(2);
@@ -185,7 +185,7 @@ mod tests {
     /// Double integrator with white disturbance: the variance of its position after h periods is q T² Σ i²,
     /// i from 1 to h − 1.
     #[test]
-    fn a_double_integrator_runs_away_with_the_delay() {
+    fn the_variance_of_a_double_integrator_grows_with_the_delay() {
         let (period, process) = (0.01, 2.0);
         let course = LinearCourse {
             transitions: vec![[[1.0, period], [0.0, 1.0]]; 200],

@@ -124,7 +124,7 @@ mod tests {
 
     /// A constant payload error produces one motion per kilogram.
     #[test]
-    fn an_error_of_the_payload_that_stays_is_one_motion() {
+    fn a_constant_payload_error_gives_one_motion_per_kilogram() {
         let (crane, course) = along();
         let constant = |deviation: f64| {
             let mut p = [[0.0; STATES]; STATES];
@@ -156,7 +156,7 @@ mod tests {
     /// The load pressure at rest is determined by payload and friction together, and the piston position is
     /// known.
     #[test]
-    fn at_rest_the_pressure_weighs_payload_and_friction() {
+    fn at_rest_the_pressure_measures_payload_and_friction() {
         let (crane, course) = along();
         let p = at_rest(&crane, 30.0);
         let position = crane.reference[0].position;

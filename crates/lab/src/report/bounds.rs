@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_two_digits_that_count() {
+    fn numbers_have_two_significant_digits() {
         for (value, text) in
             [(0.000_063_9, "0.000064"), (0.003, "0.0030"), (25.69, "26"), (3000.0, "3000")]
         {

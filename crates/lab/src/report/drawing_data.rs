@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_page_gives_its_figures_and_keeps_none_of_their_numbers() {
+    fn figures_are_extracted_from_a_page_with_their_data() {
         let lines: [(&str, &[(f64, f64)]); 2] =
             [("a<b, c", &[(0.0, 1.0 / 3.0), (1.0, 2.0)]), ("d", &[(0.0, 3.0), (1.0, 4.0)])];
         let csv = lines_as_csv("t [s]", "x [mm]", lines.into_iter());

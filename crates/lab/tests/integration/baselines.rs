@@ -96,7 +96,7 @@ impl Course for Still {
 /// leakage. That is 0.1 mm until the filter has estimated it, and more with the benchmarks, whose integral
 /// starts at zero.
 #[test]
-fn a_reference_that_rests_moves_nothing() {
+fn a_constant_reference_causes_no_motion() {
     let model = Description::uia_single_boom().unwrap();
     for baseline in designed() {
         let (mut moved, mut turned): (f64, f64) = (0.0, 0.0);
@@ -153,7 +153,7 @@ fn rest_bar(crane: &Description) -> Result<f64, LabError> {
 /// A ZV shaper (two impulses half a period of the boom apart) reduces the vibration of the tip, a ZVD
 /// shaper (three impulses) reduces it further. Noise increases the motor's effort.
 #[test]
-fn trials_show_what_they_are_made_for() {
+fn shaping_reduces_vibration_and_noise_increases_the_effort() {
     let (model, crane) =
         (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
     // the scheduled LQR smooths its reference itself and filters its measurements

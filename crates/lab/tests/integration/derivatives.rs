@@ -103,7 +103,7 @@ fn compare(crane: &Crane<f64, 3>, state: &CraneState<f64, 3>, input: &Input<f64>
 }
 
 #[test]
-fn derivatives_match_an_independent_dual_number_valves_at_their_kinks_included() {
+fn derivatives_match_independent_dual_numbers_at_valve_kinks_too() {
     let directions =
         [[1.0, -0.7, 0.3, 0.9, -0.2], [0.1, 0.8, -1.0, 0.4, 0.6], [-0.5, 0.2, 0.9, -1.0, 0.7]];
     for overrides in
@@ -149,7 +149,7 @@ fn derivatives_match_an_independent_dual_number_valves_at_their_kinks_included()
 /// throughout. Newton's matrix omits the boom's rotation within a step. Both therefore stop at a residual
 /// of less than a thousandth, and agree to that accuracy.
 #[test]
-fn slopes_that_follow_the_plain_step_are_those_of_a_step_in_dual_numbers() {
+fn slopes_along_the_plain_step_match_a_step_in_dual_numbers() {
     type Two = Dual<f64, 2>;
     const STEP: f64 = 2e-4;
     let description = Description::uia_single_boom().unwrap();

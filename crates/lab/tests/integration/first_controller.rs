@@ -10,7 +10,7 @@ use hydroboom_lab::closed_loop::simulation::simulate_closed_loop;
 
 /// Without a position loop it is the velocity feedforward of the paper; with one it errs less.
 #[test]
-fn the_first_controller_without_feedback_is_velocity_feedforward_and_with_it_errs_less() {
+fn the_first_controller_adds_feedback_that_reduces_the_feedforward_error() {
     let (model, crane) =
         (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
     let course = model.motion(model.numbers.fast);

@@ -41,7 +41,7 @@ fn error(report: &CycleReport, method: Method, cycles: Option<usize>, reset: boo
 /// With a worn, leaking pump, feedforward from the crane file's model has an error of centimetres.
 /// Feedforward from the identified model does not, and learning corrects the remaining error.
 #[test]
-fn a_cycle_identifies_what_feedforward_lacks() {
+fn a_cycle_identifies_the_model_error_of_the_feedforward() {
     let report = cycle(member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane, CYCLES);
     let nominal = error(&report, Method::NominalModel, None, true);
     let identified = error(&report, Method::IdentifiedModel, None, true);
@@ -76,7 +76,7 @@ fn campaign_a_cycle_identifies_the_delay_of_a_slow_drive() {
 
 /// A stopped report keeps the results so far and is marked as incomplete.
 #[test]
-fn what_was_run_before_a_stop_is_kept() {
+fn cycles_before_an_interruption_are_kept() {
     let model = Description::uia_single_boom().unwrap();
     let course = [CourseChoice::Motion(model.numbers.fast)];
     let cranes = [("one".into(), short(Description::uia_virtual().unwrap()))];
@@ -126,13 +126,13 @@ fn a_log_whose_piston_hardly_moves_is_refused_with_its_travel() {
     let refused = refusals(whole, Window { from: Some(3.0), to: None });
     assert!(refused[0].contains("out by 0.0 mm and back by 50.0 mm"), "{refused:?}");
     // a window beyond the log is no log without motion
-    for (window, said) in [
+    for (window, expected) in [
         (Window { from: Some(9.0), to: None }, "from 9.000 s to its end"),
         (Window { from: Some(4.0), to: Some(2.0) }, "from 4.000 s to 2.000 s"),
         (Window { from: None, to: Some(-1.0) }, "from its beginning to -1.000 s"),
     ] {
         let error = looked_at(whole, window).unwrap_err().to_string();
-        assert!(error.contains("lasts 5.000 s") && error.contains(said), "{error}");
+        assert!(error.contains("lasts 5.000 s") && error.contains(expected), "{error}");
     }
     let further = looked_at(whole, Window::default());
     assert!(matches!(&further, Err(error) if error.to_string().contains("motor")), "{further:?}");

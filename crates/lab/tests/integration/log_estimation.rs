@@ -57,14 +57,14 @@ fn kinds(found: &LogEstimate, signal: &str) -> Vec<&'static str> {
 /// over long times. Over few cranes more instants may be missed than with independent numbers, so that 90 %
 /// of all instants are required.
 #[test]
-fn bounds_hold_on_virtual_cranes_that_the_filter_does_not_know() {
+fn error_bounds_hold_on_virtual_cranes_unknown_to_the_filter() {
     hold_on_cranes(2);
 }
 
 /// The same on more cranes.
 #[test]
 #[ignore = "campaign"]
-fn campaign_bounds_hold_on_many_virtual_cranes() {
+fn campaign_error_bounds_hold_on_many_virtual_cranes() {
     hold_on_cranes(24);
 }
 
@@ -107,7 +107,7 @@ fn hold_on_cranes(cranes: u64) {
 }
 
 #[test]
-fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
+fn sensor_faults_are_named_and_undetectable_ones_mentioned() {
     let log = logged(&Description::uia_virtual().unwrap(), "faults");
     let sound = signals(&log);
     let found = along(&sound);
@@ -124,8 +124,8 @@ fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
     assert!(both.verdict.findings.is_empty(), "{:?}", both.verdict.findings);
     assert_eq!(both.verdict.is_consistent, Some(true));
     assert!((15.0..40.0).contains(&(payload(&both) - payload(&found))), "{}", payload(&both));
-    let said = both.verdict.unobservable.join("\n");
-    assert!(said.contains("1 bar of p_A (and of p_PA alike) cannot be told"), "{said}");
+    let findings = both.verdict.unobservable.join("\n");
+    assert!(findings.contains("1 bar of p_A (and of p_PA alike) cannot be told"), "{findings}");
 
     // pressure delayed by 60 ms, position delayed by 50 ms
     let late = along(&changed(&sound, Signal::PressureA, |t, v| Some((t + 0.06, v))));
@@ -162,7 +162,7 @@ fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
 }
 
 #[test]
-fn a_gap_begins_the_filter_anew_and_a_coarse_log_is_stepped_with_its_own_times() {
+fn the_filter_restarts_after_a_gap_and_follows_coarse_sample_times() {
     let log = logged(&Description::uia_virtual().unwrap(), "gap");
     let mut cut = signals(&log);
     let all =

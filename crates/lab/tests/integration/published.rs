@@ -22,7 +22,7 @@ fn velocity_feedforward_errs_as_published() {
 }
 
 #[test]
-fn locked_cylinder_rings_at_the_published_frequency() {
+fn locked_cylinder_oscillates_at_the_published_frequency() {
     let frictionless = eigenfrequency::without_friction(&crane()).unwrap();
     for (stroke, published) in paper::EIGEN_STROKE_MM.into_iter().zip(paper::EIGEN_SIMULATED_HZ) {
         let mode = eigenfrequency::locked_mode(&frictionless, stroke * 1e-3).unwrap();

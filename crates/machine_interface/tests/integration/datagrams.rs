@@ -44,7 +44,7 @@ fn bodies(axes: usize) -> [Body; 3] {
 }
 
 #[test]
-fn every_body_of_any_number_of_axes_arrives_as_it_was_sent() {
+fn datagrams_of_any_number_of_axes_are_decoded_as_encoded() {
     for axes in 1..=MOST_AXES {
         for sent in bodies(axes) {
             let bytes = datagram(&HEADER, &sent);

@@ -115,7 +115,7 @@ fn nan_passes_through_every_function() {
 }
 
 #[test]
-fn logarithm_of_what_has_none_is_nan() {
+fn the_logarithm_outside_of_its_domain_is_nan() {
     for x in [0.0, -0.0, -5e-324, -1e-300, -1.0, f64::MIN, f64::INFINITY, f64::NAN] {
         assert!(Real::ln(x).is_nan(), "ln {x}");
         assert!(Real::ln(x as f32).is_nan(), "ln {x} in single precision");

@@ -325,7 +325,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_read_as_people_write_them() {
+    fn numbers_are_read_in_every_usual_notation() {
         for (text, comma, value) in [
             ("1.5", false, 1.5),
             ("-1,5", true, -1.5),
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mark_of_thousands_is_none_of_decimals_where_other_numbers_show_which_is_which() {
+    fn thousands_separators_are_recognised_by_the_other_numbers() {
         let judged =
             |is_comma: bool, texts: &[&str]| Decimal::mark(is_comma).judged(texts.iter().copied());
         let german = judged(true, &["0,010", "103", "2.254"]);
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn stamps_are_the_same_time_however_they_are_written() {
+    fn time_stamps_in_every_notation_give_the_same_time() {
         let seconds = |text: &str| match Cell::read(text, Decimal::mark(false)) {
             Cell::Stamp(Stamp { day, seconds }) => {
                 (day.unwrap_or(0) * 86_400) as f64 + seconds.unwrap_or(0.0)

@@ -210,7 +210,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_taken_apart_at_its_separator_but_not_within_quotes() {
+    fn a_line_is_split_at_separators_outside_of_quotes() {
         let mut cells = Cells::default();
         let comma = Separator::Sign(b',');
         for (line, separator, parts) in [

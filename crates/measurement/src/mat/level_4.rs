@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_larger_than_its_file_takes_no_memory_and_what_was_whole_is_kept() {
+    fn an_oversized_matrix_takes_no_memory_and_complete_ones_are_kept() {
         let whole = matrix(0, 1, 1, "t", &1.5_f64.to_le_bytes());
         let mut cut = whole.clone();
         cut.extend(matrix(0, 4000, 4000, "x", &[1; 100]));
@@ -201,7 +201,7 @@ mod tests {
             matches!(&read(&tall[..], &mut remarks).unwrap()[0].value, Value::Text(rows) if rows.is_empty())
         );
         let large = matrix(0, 40_000, 50_000, "x", &[]);
-        let said = read(&large[..], &mut remarks).err().unwrap();
-        assert!(said.contains("20 million"), "{said}");
+        let message = read(&large[..], &mut remarks).err().unwrap();
+        assert!(message.contains("20 million"), "{message}");
     }
 }

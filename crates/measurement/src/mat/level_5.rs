@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn only_an_end_before_a_tag_is_one() {
+    fn a_file_may_end_before_a_tag_only() {
         let mut file = vec![b' '; 124];
         file.extend([0x00, 0x01, b'I', b'M']);
         // t = 1, as a matrix of doubles
@@ -314,8 +314,8 @@ mod tests {
         let mut remarks = Vec::new();
         assert_eq!(read(&file[..], &mut remarks).map(|v| v.len()), Ok(1));
         assert!(remarks.is_empty());
-        let said = read(Failing(&file), &mut remarks).err();
-        assert_eq!(said.as_deref(), Some("the disk is gone"));
+        let message = read(Failing(&file), &mut remarks).err();
+        assert_eq!(message.as_deref(), Some("the disk is gone"));
         file.extend([14, 0, 0]);
         assert_eq!(read(&file[..], &mut remarks).map(|v| v.len()), Ok(1));
         assert!(remarks[0].contains("cut off or damaged after t (cut off)"), "{remarks:?}");

@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_signal_is_called_after_its_block() {
+    fn a_signal_is_named_after_its_block() {
         for (path, block) in [
             ("Model Root/Position [mm]/Out1", "Position [mm]"),
             ("Platform()://Crane/Model Root/p_A/In2", "p_A"),

@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_schema_is_parsed_once_whether_it_is_understood_or_not() {
+    fn a_schema_is_parsed_once_even_if_unsupported() {
         let topic = |data: &str| {
             let (name, encoding) = ("a/msg/B".into(), "ros2msg".into());
             let schema = Rc::new(Schema { name, encoding, data: data.as_bytes().to_vec() });

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fields_types_constants_and_parts_are_told_apart() {
+    fn fields_types_constants_and_parts_are_distinguished() {
         let text = "# a state\nstd_msgs/Header header\nuint8 OPEN=1\nuint8 SHUT = 0\nfloat64[] position 1.0\n\
             string<=10 name\nPoint[3] corners # of the base\n\
             ================================================================================\n\

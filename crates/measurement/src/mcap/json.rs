@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_python_writes_is_missing_and_texts_are_left_alone() {
+    fn nan_and_infinity_are_missing_and_texts_are_unchanged() {
         let found = all(r#"{"a": NaN, "NaN\"": 1, "b": [-Infinity, Infinity, 2], "c": null}"#);
         let found = found.unwrap();
         // numbers before the first NaN are reported twice: the second pass counts
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn deep_and_long_messages_end() {
+    fn depth_and_length_of_messages_are_bounded() {
         assert!(all(&"[".repeat(100_000)).is_err());
         let long = format!("{{\"a\": [{}0], \"b\": 1}}", "0,".repeat(100_000));
         assert_eq!(all(&long).unwrap().len(), LONGEST_ARRAY + 1);

@@ -200,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_found_among_bits_in_either_byte_order() {
+    fn packed_bit_fields_are_read_in_either_byte_order() {
         let bits = |at, bytes, shift, bits, is_signed, is_big| Raw::Bits {
             at,
             bytes,

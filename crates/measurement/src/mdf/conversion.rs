@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn raw_numbers_become_physical_ones() {
+    fn raw_values_are_converted_to_physical_ones() {
         assert_eq!(Conversion::Linear(-40.0, 0.5).of(100.0), 10.0);
         // x = 2 raw / 4
         assert_eq!(Conversion::Rational([0.0, 2.0, 0.0, 0.0, 0.0, 4.0]).of(3.0), 1.5);

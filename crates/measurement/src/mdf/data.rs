@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn transposed_bytes_are_put_back() {
+    fn transposed_bytes_are_restored() {
         // two rows of three bytes, and one more
         assert_eq!(untransposed(&[1, 4, 2, 5, 3, 6, 7], 3), [1, 2, 3, 4, 5, 6, 7]);
         assert_eq!(untransposed(&[1, 2], 3), [1, 2]);

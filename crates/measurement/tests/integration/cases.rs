@@ -48,7 +48,7 @@ struct Case {
     segments: usize,
     seconds: f64,
     /// Text that the remarks or the refusal must contain.
-    said: &'static [&'static str],
+    remarks: &'static [&'static str],
 }
 
 fn value(signal: Signal, time: f64) -> f64 {
@@ -169,7 +169,7 @@ const CASES: [Case; 22] = [
         signals: FEW,
         segments: 1,
         seconds: 17.66,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "u02_names_end_in_1.csv",
@@ -186,7 +186,7 @@ const CASES: [Case; 22] = [
         signals: FEW,
         segments: 1,
         seconds: 4.98,
-        said: &["\"pressure_1\" has no unit", "\"position_1\" has no unit"],
+        remarks: &["\"pressure_1\" has no unit", "\"position_1\" has no unit"],
     },
     Case {
         name: "u03_paper_symbols.csv",
@@ -210,7 +210,7 @@ const CASES: [Case; 22] = [
         ],
         segments: 1,
         seconds: 4.98,
-        said: &[
+        remarks: &[
             "\"p_PA\" has no unit: p_PA is taken in bar",
             "the time \"t\" has no unit: taken as s",
         ],
@@ -232,7 +232,7 @@ const CASES: [Case; 22] = [
         signals: &[Signal::MotorSpeed, Signal::Stroke, Signal::PressureA, Signal::PressureB],
         segments: 1,
         seconds: 4.98,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "u06_din_slash_units.csv",
@@ -249,7 +249,7 @@ const CASES: [Case; 22] = [
         signals: FEW,
         segments: 1,
         seconds: 4.98,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "u07_scope_unit_row_real_style.csv",
@@ -258,7 +258,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 4.76,
-        said: &["an export of TwinCAT Scope"],
+        remarks: &["an export of TwinCAT Scope"],
     },
     Case {
         name: "u10_valve_command_percent.csv",
@@ -275,7 +275,7 @@ const CASES: [Case; 22] = [
         signals: &[Signal::ValveCommand],
         segments: 1,
         seconds: 11.99,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "t01_scope_name_only.csv",
@@ -287,7 +287,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 4.92,
-        said: &["an export of TwinCAT Scope"],
+        remarks: &["an export of TwinCAT Scope"],
     },
     Case {
         name: "t03_timestamp_us_epoch.csv",
@@ -299,7 +299,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 4.98,
-        said: &["time is counted from the first sample"],
+        remarks: &["time is counted from the first sample"],
     },
     Case {
         name: "t04_timestamp_ns_epoch.csv",
@@ -312,7 +312,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 4.98,
-        said: &["time is counted from the first sample"],
+        remarks: &["time is counted from the first sample"],
     },
     Case {
         name: "t06_time_ns.csv",
@@ -323,7 +323,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 4.98,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "t07_temperature_T.csv",
@@ -343,7 +343,7 @@ const CASES: [Case; 22] = [
         signals: &[Signal::Stroke, Signal::MotorSpeed, Signal::PressureA, Signal::PressureB],
         segments: 1,
         seconds: 4.98,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "t09_clock_jump_1h.csv",
@@ -356,7 +356,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 2,
         seconds: 3617.66,
-        said: &["the clock jumps", "a new segment"],
+        remarks: &["the clock jumps", "a new segment"],
     },
     Case {
         name: "t10_time_back_0_1ms.csv",
@@ -368,7 +368,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 9.48,
-        said: &["1 rows whose time is out of order"],
+        remarks: &["1 rows whose time is out of order"],
     },
     Case {
         name: "f01_scope_200_channels.csv",
@@ -377,7 +377,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 0.02,
-        said: &["an export of TwinCAT Scope"],
+        remarks: &["an export of TwinCAT Scope"],
     },
     Case {
         name: "f02_text_column.csv",
@@ -394,7 +394,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 0.58,
-        said: &["columns of text are left out: \"state\""],
+        remarks: &["columns of text are left out: \"state\""],
     },
     Case {
         name: "f04_quoted_decimal_comma.csv",
@@ -410,7 +410,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 0.58,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "f05_excel_na.csv",
@@ -427,7 +427,7 @@ const CASES: [Case; 22] = [
         signals: FEW,
         segments: 1,
         seconds: 7.27,
-        said: &[],
+        remarks: &[],
     },
     Case {
         name: "f07_utf16.csv",
@@ -440,7 +440,7 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 0.58,
-        said: &["UTF-16"],
+        remarks: &["UTF-16"],
     },
     Case {
         name: "f08_duplicate_names.csv",
@@ -459,7 +459,7 @@ const CASES: [Case; 22] = [
         signals: &[Signal::Stroke, Signal::PressureA, Signal::PressureB, Signal::PressurePumpA],
         segments: 1,
         seconds: 0.58,
-        said: &["\"pressure#2\" has no unit"],
+        remarks: &["\"pressure#2\" has no unit"],
     },
     Case {
         name: "f09_no_time_first_constant.csv",
@@ -468,7 +468,7 @@ const CASES: [Case; 22] = [
         signals: &[],
         segments: 0,
         seconds: 0.0,
-        said: &["it has no column of times", "--sample-time-ms"],
+        remarks: &["it has no column of times", "--sample-time-ms"],
     },
     Case {
         name: "f11_scope_separator_colon.csv",
@@ -477,19 +477,19 @@ const CASES: [Case; 22] = [
         signals: EVERY,
         segments: 1,
         seconds: 0.39,
-        said: &["an export of TwinCAT Scope"],
+        remarks: &["an export of TwinCAT Scope"],
     },
 ];
 
-/// The log and its signals, and all that is said of them.
+/// The log, its signals, and all remarks on them.
 fn taken(path: &Path, mapping: &str) -> Result<(Measurement, Signals, String), MeasurementError> {
     let given = if mapping.is_empty() { "[log]\n" } else { mapping };
     let given = Mapping::parse("map.toml", given)?;
     let log = read(path, Some(&given.time))?;
     let mapping = given.completed(&log)?;
-    let said = [log.remarks.clone(), mapping.assumptions(&log)].concat().join("\n");
+    let remarks = [log.remarks.clone(), mapping.assumptions(&log)].concat().join("\n");
     let signals = Signals::of(&log, &mapping)?;
-    Ok((log, signals, said))
+    Ok((log, signals, remarks))
 }
 
 /// A signal in mm, bar and rpm.
@@ -499,22 +499,22 @@ fn shown(signals: &Signals, signal: Signal, time: f64) -> f64 {
 }
 
 #[test]
-fn each_form_is_read_rightly_or_refused_with_its_reason() {
+fn each_format_is_read_correctly_or_refused_with_the_reason() {
     for case in CASES {
         let path = folder(module_path!()).join(format!("made_{}", case.name));
         std::fs::write(&path, (case.made)()).unwrap();
         let all = taken(&path, case.mapping);
-        let (log, signals, said) = match (all, case.signals) {
+        let (log, signals, remarks) = match (all, case.signals) {
             (Ok(all), [_, ..]) => all,
             (Err(error), []) => {
-                case.said.iter().for_each(|w| assert!(error.to_string().contains(w), "{error}"));
+                case.remarks.iter().for_each(|w| assert!(error.to_string().contains(w), "{error}"));
                 continue;
             }
             (Ok((log, ..)), []) => panic!("{} is read: {}", case.name, log.headings()),
             (Err(error), _) => panic!("{} is refused: {error}", case.name),
         };
-        for wanted in case.said {
-            assert!(said.contains(wanted), "{}: {said}", case.name);
+        for wanted in case.remarks {
+            assert!(remarks.contains(wanted), "{}: {remarks}", case.name);
         }
         assert_eq!(log.channels[0].segments().len(), case.segments, "{}", case.name);
         for signal in case.signals {
@@ -547,13 +547,13 @@ fn a_log_without_times_is_read_with_its_sample_time() {
     let path = folder(module_path!()).join("counted.csv");
     let case = CASES.iter().find(|case| case.name.starts_with("f09")).unwrap();
     std::fs::write(&path, (case.made)()).unwrap();
-    let (_, signals, said) = taken(&path, "[log]\nsample_time_ms = 10\n").unwrap();
+    let (_, signals, remarks) = taken(&path, "[log]\nsample_time_ms = 10\n").unwrap();
     assert!((shown(&signals, Signal::Stroke, 1.5) - value(Signal::Stroke, 1.5)).abs() < 1e-9);
-    assert!(said.contains("rows are counted, 10.0 ms apart"), "{said}");
+    assert!(remarks.contains("rows are counted, 10.0 ms apart"), "{remarks}");
 }
 
 #[test]
-fn one_name_of_several_columns_is_refused() {
+fn an_ambiguous_column_name_is_refused() {
     let path = folder(module_path!()).join("ambiguous.csv");
     let case = CASES.iter().find(|case| case.name.starts_with("f08")).unwrap();
     std::fs::write(&path, (case.made)()).unwrap();
@@ -563,7 +563,7 @@ fn one_name_of_several_columns_is_refused() {
 
 /// The files themselves: not in the project, because they are large.
 #[test]
-fn each_file_of_the_folder_is_read_rightly_or_refused() {
+fn each_file_of_the_folder_is_read_correctly_or_refused() {
     let Some(folder) = std::env::var_os("HYDROBOOM_CASES").map(PathBuf::from) else { return };
     for case in CASES {
         let path = folder.join(case.name);
@@ -571,16 +571,16 @@ fn each_file_of_the_folder_is_read_rightly_or_refused() {
             continue;
         }
         let all = taken(&path, case.mapping);
-        let (log, signals, said) = match (all, case.signals) {
+        let (log, signals, remarks) = match (all, case.signals) {
             (Ok(all), [_, ..]) => all,
             (Err(error), []) => {
-                case.said.iter().for_each(|w| assert!(error.to_string().contains(w), "{error}"));
+                case.remarks.iter().for_each(|w| assert!(error.to_string().contains(w), "{error}"));
                 continue;
             }
             (Ok(_), []) => panic!("{} is read", case.name),
             (Err(error), _) => panic!("{} is refused: {error}", case.name),
         };
-        case.said.iter().for_each(|w| assert!(said.contains(w), "{}: {said}", case.name));
+        case.remarks.iter().for_each(|w| assert!(remarks.contains(w), "{}: {remarks}", case.name));
         assert_eq!(log.channels[0].segments().len(), case.segments, "{}", case.name);
         let end = log.channels[0].time.last().copied().unwrap();
         assert!((end - case.seconds).abs() < 1e-6, "{}: {end} s", case.name);

@@ -26,7 +26,7 @@ fn at(log: &Measurement, column: &str, time: f64) -> f64 {
 
 /// `ladisk/lvm_read`, issue 5: two headers, notes, sizes of blocks, a column of comments at the end.
 #[test]
-fn a_labview_measurement_with_notes() {
+fn a_labview_measurement_with_notes_is_read() {
     let text = format!(
         "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\nX_Columns\tOne\n\
          Time_Pref\tAbsolute\nOperator\tuser\nDate\t2016/08/11\nTime\t14:37:48.201000213623046875\n***End_of_Header***\t\n\t\n\
@@ -44,7 +44,7 @@ fn a_labview_measurement_with_notes() {
 /// `ladisk/lvm_read`, pull request 14, and files with `X_Columns No`: separated by commas, rows without a time, their
 /// interval in the head.
 #[test]
-fn a_labview_measurement_without_times() {
+fn a_labview_measurement_without_times_is_read() {
     for (separator, comma) in [("\t", ","), (",", ".")] {
         let text = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\nSamples\t100\t100\n\
                     Delta_X\t0.002000\t0.002000\n***End_of_Header***\nX_Value\tUntitled\tUntitled 1\tComment\n";
@@ -61,7 +61,7 @@ fn a_labview_measurement_without_times() {
 /// `ngscopeclient/scopehal`, issues 408 and 429: a head of comments, a date with dots within its seconds, times from
 /// before the trigger on.
 #[test]
-fn an_acquisition_of_digilent_waveforms() {
+fn an_acquisition_of_digilent_waveforms_is_read() {
     let text = format!(
         "#Digilent WaveForms Oscilloscope Acquisition\n#Device Name: ADP3450\n#Serial Number: SN:210018B04985\n\
          #Date Time: 2021-04-14 13:10:34.255.812.740\n\nTime (s),Channel 1 (V)\n{}",
@@ -75,7 +75,7 @@ fn an_acquisition_of_digilent_waveforms() {
 
 /// `OPM/ResInsight`, issue 9611: three lines of head, of which units are the second; dates in a column of days.
 #[test]
-fn three_lines_of_head_with_units_between() {
+fn three_header_lines_with_units_in_the_second_are_read() {
     let text = format!(
         "TIME;PA;PB\nS;BARS;BARS\n;well-a;well-b\n{}",
         rows(|k| format!("{};{};{}", k * 0.01, 69.0 + k, 3.0))
@@ -88,7 +88,7 @@ fn three_lines_of_head_with_units_between() {
 
 /// `SBFspot/SBFspot`, issue 74: units stand above names, decimal commas, a German date and time.
 #[test]
-fn units_above_names_with_german_dates() {
+fn units_above_names_and_german_dates_are_read() {
     let text = format!(
         "Version CSV1|Tool SBFspot3.0.1 (Windows)|Linebreaks CR/LF|Delimiter semicolon|Decimalpoint comma|Precision 3\r\n\r\n\
          ;;;bar;mm\r\ndd/MM/yyyy HH:mm:ss;DeviceName;DeviceType;pressure_a;stroke\r\n{}",
@@ -113,7 +113,7 @@ fn units_above_names_with_german_dates() {
 /// TwinCAT Scope with its timelines exported for each sample time: several channels below one time column; and with
 /// ticks of 100 ns.
 #[test]
-fn a_scope_export_with_a_time_column_for_each_sample_time() {
+fn a_scope_export_with_several_sample_times_is_read() {
     let text = format!(
         "Name,GVL.fPressureA,GVL.fPressureB,Name,GVL.fStroke\n{}",
         rows(|k| format!("{k},{},{},{},{}", 69.0 + k, 3.0, k * 10.0, 50.0 + k))

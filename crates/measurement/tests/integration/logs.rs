@@ -25,7 +25,7 @@ fn position_and_pressure(log: &Measurement, time: f64) -> (f64, f64) {
 }
 
 #[test]
-fn the_same_measurement_is_the_same_however_it_is_written() {
+fn a_measurement_in_every_notation_gives_the_same_signals() {
     let rows: Vec<(f64, f64, f64)> = (0..100)
         .map(|k| {
             let t = f64::from(k) * 0.01;
@@ -101,7 +101,7 @@ fn an_export_of_twincat_scope_keeps_the_time_base_of_each_channel() {
 
 #[test]
 fn bad_logs_get_clear_errors() {
-    let said = |name: &str, content: &[u8]| {
+    let message = |name: &str, content: &[u8]| {
         read(&file(name, content), None).err().map(|e| e.to_string()).unwrap_or_default()
     };
     for (name, content, wanted) in [
@@ -120,7 +120,7 @@ fn bad_logs_get_clear_errors() {
         ("cut.mat", b"MATLAB 5.0 MAT-file, cut", "not read as a MAT file"),
         ("foreign.mat", b"something else entirely, long enough", "neither"),
     ] {
-        let text = said(name, content);
+        let text = message(name, content);
         assert!(text.contains(wanted), "{name}: {text}");
         assert!(text.contains(name), "{name} is not named: {text}");
     }
@@ -129,7 +129,7 @@ fn bad_logs_get_clear_errors() {
 }
 
 #[test]
-fn what_is_missing_stays_missing() {
+fn missing_samples_are_not_filled() {
     let text = "time_s,stroke_mm,p_A_bar\n0,1,68\n0.01,,69\n0.02,NaN,70\n0.03,4\n1.5,5,72\n1.51,6,73\n1.52,7,74\n";
     let log = log("missing.csv", text);
     assert_eq!(log.channels[0].range().unwrap().missing, 2);
@@ -145,13 +145,13 @@ fn what_is_missing_stays_missing() {
 }
 
 #[test]
-fn what_is_no_row_of_numbers_is_left_out_counted_and_said() {
+fn lines_without_numbers_are_left_out_and_counted() {
     let text = "# made by hand\ntime_s,stroke_mm,p_A_bar\n0,1,68\n0.01,2,69\n# a pause\n0.02,3,oops\ntime_s,stroke_mm,p_A_bar\n0.03,4\n\
                 0.04,5,71,9\n0.05,6,---\n,7,70\n0.06,8,7";
     let read_log = log("odd.csv", text);
     assert_eq!(read_log.channels[0].values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
     assert_eq!(read_log.channels[1].range().unwrap().missing, 3);
-    let said = read_log.remarks.join("\n");
+    let message = read_log.remarks.join("\n");
     for wanted in [
         "1 comments, first line 5",
         "1 rows that hold words in place of numbers, first line 7",
@@ -160,7 +160,7 @@ fn what_is_no_row_of_numbers_is_left_out_counted_and_said() {
         "1 rows are longer than the others, first line 9",
         "1 rows without a time, first line 11",
     ] {
-        assert!(said.contains(wanted), "{wanted}: {said}");
+        assert!(message.contains(wanted), "{wanted}: {message}");
     }
     // half a number at the end of a file that was cut off is none
     let cut = log("cut.csv", "time_s,stroke_mm,p_A_bar\n0,1,68\n0.01,2,69\n0.02,3,69\n0.03,48");
@@ -169,7 +169,7 @@ fn what_is_no_row_of_numbers_is_left_out_counted_and_said() {
 }
 
 #[test]
-fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
+fn a_mapping_assigns_unguessable_columns_and_refuses_missing_ones() {
     let text = "zeitachse,kanal1,kanal2\n0,-50,6800000\n10,-51,6810000\n20,-52,6820000\n";
     let path = file("mapped.csv", text);
     let mapping = Mapping::parse(
@@ -201,16 +201,16 @@ fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
         ("[log.stroke]\ncolumn = \"a\"\ncolour = 2\n", "colour is not understood"),
         ("x = 1\n", "no table [log]"),
     ] {
-        let said = Mapping::parse("map.toml", text).unwrap_err().to_string();
-        assert!(said.contains(wanted), "{said}");
+        let message = Mapping::parse("map.toml", text).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     }
     let missing = Mapping::parse("map.toml", "[log]\nstroke = \"nowhere\"\n").unwrap();
-    let said = Signals::of(&log, &missing).unwrap_err().to_string();
-    assert!(said.contains("nowhere") && said.contains("kanal1"), "{said}");
+    let message = Signals::of(&log, &missing).unwrap_err().to_string();
+    assert!(message.contains("nowhere") && message.contains("kanal1"), "{message}");
 }
 
 #[test]
-fn a_clock_that_drifts_is_set_right() {
+fn a_clock_drift_is_corrected() {
     // it counts 1.002 s in one; what it shows is the true time
     let rows = (0..5000).map(|k| format!("{},{}\n", f64::from(k) * 1.002e-2, f64::from(k) * 1e-2));
     let log = log("drift.csv", format!("t,x\n{}", rows.collect::<String>()));
@@ -229,7 +229,7 @@ fn a_clock_that_drifts_is_set_right() {
 }
 
 #[test]
-fn a_quote_that_nobody_closed_costs_its_cell_and_a_line_without_end_ends_with_an_error() {
+fn an_open_quote_loses_one_cell_and_an_endless_line_is_an_error() {
     let mut text = String::from("t,x\n0,1\n1,2\n2,\"3a\n");
     for k in 3..100_000 {
         text += &format!("{k},5\n");
@@ -237,15 +237,15 @@ fn a_quote_that_nobody_closed_costs_its_cell_and_a_line_without_end_ends_with_an
     let read_quote = log("quote.csv", &text);
     assert_eq!(read_quote.channels[0].values.len(), 100_000);
     assert_eq!(read_quote.channels[0].range().unwrap().missing, 1);
-    let said = read_quote.remarks.join("\n");
-    assert!(said.contains("1 cells that are no numbers, first line 4"), "{said}");
+    let message = read_quote.remarks.join("\n");
+    assert!(message.contains("1 cells that are no numbers, first line 4"), "{message}");
     let endless = file("endless.csv", "1,".repeat(20 << 20));
-    let said = read(&endless, None).err().map(|e| e.to_string()).unwrap();
-    assert!(said.contains("line 1 is longer than"), "{said}");
+    let message = read(&endless, None).err().map(|e| e.to_string()).unwrap();
+    assert!(message.contains("line 1 is longer than"), "{message}");
 }
 
 #[test]
-fn columns_are_guessed_and_what_was_only_wanted_is_not_taken_for_measured() {
+fn columns_are_guessed_and_references_are_not_taken_for_measured() {
     let head = "time_s,reference_position_mm,stroke_mm,simulated_stroke_mm,pressure_pump_a_bar,\
                 pressure_a_bar,pressure_b_bar,pressure_pump_b_bar,pressure_accumulator_bar,motor_speed_rpm,\
                 command_motor_speed_rpm,command_holding_valve,estimated_position_mm,deviation_position_mm,\
@@ -269,7 +269,7 @@ fn columns_are_guessed_and_what_was_only_wanted_is_not_taken_for_measured() {
 }
 
 #[test]
-fn a_mat_file_is_read_and_a_digest_tells_files_apart() {
+fn a_mat_file_is_read_and_a_digest_distinguishes_files() {
     // level 4, as MATLAB writes it with -v4: type, rows, columns, imaginary, length of the name
     let mut bytes = Vec::new();
     for (name, values) in [("t", [0.0, 0.1, 0.2]), ("p_A_bar", [68.0, 69.0, 70.0])] {
@@ -323,27 +323,27 @@ proptest::proptest! {
 
 /// A file that is not a log is refused with its kind; a MAT file is recognised by its content.
 #[test]
-fn files_are_known_by_how_they_begin() {
+fn file_formats_are_recognised_by_their_first_bytes() {
     let at = |name: &str| folder(module_path!()).join(name);
     for (bytes, wanted) in [
         (&b"\x1f\x8b\x08\0\0\0\0\0"[..], "packed by gzip: unpack it"),
         (b"PK\x03\x04\x14\0\0\0", "save the table as CSV"),
     ] {
         std::fs::write(at("other.csv"), bytes).unwrap();
-        let said = read(&at("other.csv"), None).unwrap_err().to_string();
-        assert!(said.contains(wanted), "{said}");
+        let message = read(&at("other.csv"), None).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     }
     let mut level_5 = b"MATLAB 5.0 MAT-file".to_vec();
     level_5.resize(116, b' ');
     std::fs::write(at("level_5.dat"), level_5).unwrap();
-    let said = read(&at("level_5.dat"), None).unwrap_err().to_string();
-    assert!(said.contains("MAT"), "{said}");
-    let said = read(&PathBuf::from("/dev/null"), None).unwrap_err().to_string();
-    assert!(said.contains("is no regular file"), "{said}");
+    let message = read(&at("level_5.dat"), None).unwrap_err().to_string();
+    assert!(message.contains("MAT"), "{message}");
+    let message = read(&PathBuf::from("/dev/null"), None).unwrap_err().to_string();
+    assert!(message.contains("is no regular file"), "{message}");
 }
 
 #[test]
-fn a_second_head_in_another_order_ends_the_table() {
+fn a_second_header_in_another_order_ends_the_table() {
     let rows = |swapped: bool| -> String {
         let row = |k: u32| {
             let [a, b] = if swapped { [70 + k, k] } else { [k, 70 + k] };
@@ -358,12 +358,12 @@ fn a_second_head_in_another_order_ends_the_table() {
     let pressure = log.channel("p_A_bar").unwrap();
     assert_eq!(pressure.values.len(), 50);
     assert!(pressure.values.iter().all(|p| *p >= 70.0));
-    let said = log.remarks.join("\n");
-    assert!(said.contains("line 52 is a head with the columns in another order"), "{said}");
+    let message = log.remarks.join("\n");
+    assert!(message.contains("line 52 is a head with the columns in another order"), "{message}");
 }
 
 #[test]
-fn rows_that_are_too_short_right_below_the_head_are_counted() {
+fn short_rows_directly_below_the_header_are_counted() {
     let path = folder(module_path!()).join("short.csv");
     let rows: String =
         (2..50).map(|k| format!("{},1,2,3,4,5,6,7\n", f64::from(k) * 0.01)).collect();
@@ -371,12 +371,12 @@ fn rows_that_are_too_short_right_below_the_head_are_counted() {
     std::fs::write(&path, text).unwrap();
     let log = read(&path, None).unwrap();
     assert_eq!(log.channel("a").unwrap().values.len(), 50);
-    let said = log.remarks.join("\n");
-    assert!(said.contains("2 rows are shorter than the others, first line 2"), "{said}");
+    let message = log.remarks.join("\n");
+    assert!(message.contains("2 rows are shorter than the others, first line 2"), "{message}");
 }
 
 #[test]
-fn thousands_are_marked_as_the_decimals_of_the_same_table_show() {
+fn thousands_separators_follow_from_the_decimals_of_the_table() {
     let path = folder(module_path!()).join("thousands.csv");
     let rows: String = (0..50).map(|k| format!("0,{:03};2.25{};{k}\n", 10 * k, k % 10)).collect();
     std::fs::write(&path, format!("time_s;n_rpm;p_A_bar\n{rows}")).unwrap();

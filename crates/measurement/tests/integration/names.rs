@@ -13,7 +13,7 @@ const THRICE: &str =
     "time_s,stroke_mm,pressure,pressure,pressure\n0,50,69,3,70\n1,51,68,2,71\n2,52,69,3,70\n";
 
 #[test]
-fn columns_of_the_same_name_are_reachable_by_their_number() {
+fn columns_of_the_same_name_are_selected_by_their_number() {
     let log = log("thrice.csv", THRICE);
     assert_eq!(log.headings(), "stroke_mm, pressure#1, pressure#2, pressure#3");
     let text = "[log]\npressure_a = \"pressure#1\"\npressure_b = \"pressure#2\"\npressure_pump_a = \"pressure#3\"\n";
@@ -30,30 +30,30 @@ fn columns_of_the_same_name_are_reachable_by_their_number() {
 }
 
 #[test]
-fn a_mapping_that_could_mean_several_columns_is_refused() {
+fn an_ambiguous_mapping_is_refused() {
     let log = log("several.csv", THRICE);
-    let said = |column: &str| {
+    let message = |column: &str| {
         let text = format!("[log]\npressure_b = \"{column}\"\n");
         Mapping::parse("map.toml", &text).unwrap().completed(&log).unwrap_err().to_string()
     };
-    let text = said("pressure");
+    let text = message("pressure");
     assert!(text.contains("3 columns are called"), "{text}");
     assert!(text.contains("\"pressure#1\", \"pressure#2\", \"pressure#3\""), "{text}");
     assert!(
-        said("pressure#4").contains("there are: stroke_mm, pressure#1"),
+        message("pressure#4").contains("there are: stroke_mm, pressure#1"),
         "{}",
-        said("pressure#4")
+        message("pressure#4")
     );
-    assert!(said("pressure#0").contains("there are"));
+    assert!(message("pressure#0").contains("there are"));
 }
 
 #[test]
-fn of_columns_that_are_called_the_same_none_is_guessed() {
+fn columns_of_the_same_name_are_not_guessed() {
     let two = log("two.csv", "time_s,x_cyl_mm,p_A_bar,p_A_bar\n0,1,69,3\n1,2,68,2\n2,3,67,1\n");
     let mapping = Mapping::default().completed(&two).unwrap();
     assert!(!mapping.entries.contains_key(&Signal::PressureA));
-    let said = mapping.assumptions(&two).join("\n");
-    assert!(said.contains("none is taken for p_A of p_A_bar#1, p_A_bar#2"), "{said}");
+    let message = mapping.assumptions(&two).join("\n");
+    assert!(message.contains("none is taken for p_A of p_A_bar#1, p_A_bar#2"), "{message}");
     // twice the same is no choice
     let same =
         log("same.csv", "time_s,x_cyl_mm,p_A_bar,p_A_bar\n0,1,69,69\n1,2,68,68\n2,3,67,67\n");

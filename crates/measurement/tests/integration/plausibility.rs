@@ -43,19 +43,19 @@ fn suspected(log: &Measurement) -> String {
 #[test]
 fn signals_that_contradict_each_other_are_suspected_and_others_are_not() {
     assert_eq!(suspected(&log("whole.csv", |_, _| {})), "");
-    let said = suspected(&log("sign.csv", |_, row| row.motor = -row.motor));
-    assert!(said.starts_with("the motor turns against the piston"), "{said}");
-    let said = suspected(&log("valve.csv", |_, row| row.valve = 0));
-    assert!(said.contains("shut throughout, and the piston moves by 200 mm"), "{said}");
-    let said = suspected(&log("exchanged.csv", |_, row| row.pressures.swap(0, 1)));
-    assert_eq!(said, "p_A is near p_PB, and p_B near p_PA: are two columns exchanged?");
+    let message = suspected(&log("sign.csv", |_, row| row.motor = -row.motor));
+    assert!(message.starts_with("the motor turns against the piston"), "{message}");
+    let message = suspected(&log("valve.csv", |_, row| row.valve = 0));
+    assert!(message.contains("shut throughout, and the piston moves by 200 mm"), "{message}");
+    let message = suspected(&log("exchanged.csv", |_, row| row.pressures.swap(0, 1)));
+    assert_eq!(message, "p_A is near p_PB, and p_B near p_PA: are two columns exchanged?");
     // at rest nothing contradicts a sign or a valve
     let rest = log("rest.csv", |_, row| (row.position, row.motor, row.valve) = (50.0, -20.0, 0));
     assert_eq!(suspected(&rest), "");
 }
 
 #[test]
-fn single_samples_that_cannot_be_are_missing_and_the_others_stay() {
+fn impossible_single_samples_are_removed_and_others_kept() {
     let broken = |k: usize, row: &mut Row| match k {
         100 => row.position = -9999.0,
         200 | 201 => row.pressures[0] = 65_535.0,
@@ -63,12 +63,12 @@ fn single_samples_that_cannot_be_are_missing_and_the_others_stay() {
     };
     let mut log = log("outliers.csv", broken);
     let mapping = Mapping::default().completed(&log).unwrap();
-    let said = mapping.without_outliers(&mut log, STROKE, MOTOR_SPEED);
-    assert_eq!(said.len(), 2, "{said:?}");
+    let remarks = mapping.without_outliers(&mut log, STROKE, MOTOR_SPEED);
+    assert_eq!(remarks.len(), 2, "{remarks:?}");
     assert!(
-        said[0].contains("1 samples of \"x_mm\" cannot be x_cyl, the first -9999.0 at 1.000 s")
+        remarks[0].contains("1 samples of \"x_mm\" cannot be x_cyl, the first -9999.0 at 1.000 s")
     );
-    assert!(said[1].contains("2 samples of \"p_A_bar\""), "{said:?}");
+    assert!(remarks[1].contains("2 samples of \"p_A_bar\""), "{remarks:?}");
     assert!(mapping.suspicions(&log, STROKE, MOTOR_SPEED).is_empty());
     let signals = Signals::of(&log, &mapping).unwrap();
     assert_eq!(signals.get(Signal::PressureA).unwrap().values().len(), 598);
@@ -86,7 +86,7 @@ fn a_signal_in_another_unit_keeps_its_samples() {
 
 /// A pressure that goes below vacuum by its offset: no unit makes that of what is there. One in another unit agrees with the pressure beside it in that unit.
 #[test]
-fn a_pressure_below_vacuum_is_off_and_in_no_other_unit() {
+fn a_pressure_below_vacuum_is_an_offset_and_no_wrong_unit() {
     let low = |k: usize| if k < 100 { 2.5 } else { 71.0 };
     let text = suspected(&log("below.csv", |k, row| row.pressures[2] = low(k) - 5.0));
     assert!(text.contains("p_PA is") && text.contains("another zero (offset)"), "{text}");
@@ -114,8 +114,8 @@ fn other_columns_that_may_be_a_signal_are_named() {
     let mapping = Mapping::default().completed(&log).unwrap();
     let taken = &mapping.entries[&Signal::Stroke].column;
     let other = log.channels.iter().find(|c| c.heading != *taken).unwrap();
-    let said = mapping.assumptions(&log).join("; ");
-    assert!(said.contains(&format!("\"{}\" may be x_cyl too", other.heading)), "{said}");
+    let message = mapping.assumptions(&log).join("; ");
+    assert!(message.contains(&format!("\"{}\" may be x_cyl too", other.heading)), "{message}");
 }
 
 /// The line to the tank has no pressure, and is right so.
@@ -130,7 +130,7 @@ fn a_tank_line_without_pressure_is_not_suspected() {
 
 /// A tenth of the expected pressure and motor speed: the columns are in MPa and rad/s without a stated unit.
 #[test]
-fn guessed_units_are_held_against_the_crane() {
+fn guessed_units_are_checked_against_the_crane() {
     let per_second = std::f64::consts::TAU / 60.0;
     // the piston goes 200 mm in 3 s by a sine, the motor 900 rpm at most
     let travel = 0.1 * std::f64::consts::TAU / 6.0 / 15.0;

@@ -27,8 +27,8 @@ fn two_seconds(log: &Measurement) -> f64 {
 }
 
 #[test]
-fn numbers_tell_what_they_count_where_no_unit_is_stated() {
-    for (name, said, first, step) in [
+fn an_unstated_unit_of_time_is_inferred_from_the_numbers() {
+    for (name, expected, first, step) in [
         ("time", "taken as s", 0.0, 0.01),
         ("time", "taken as s", 1234.5, 0.01),
         ("time", "taken as ms", 0.0, 10.0),
@@ -43,13 +43,13 @@ fn numbers_tell_what_they_count_where_no_unit_is_stated() {
     ] {
         let text = table(name, |k| format!("{}", first + f64::from(k) * step));
         let log = log("unitless.csv", &text).unwrap();
-        assert!((two_seconds(&log) - 2.0).abs() < 1e-4, "{said}: {}", two_seconds(&log));
-        assert!(log.remarks.iter().any(|r| r.contains(said)), "{said}: {:?}", log.remarks);
+        assert!((two_seconds(&log) - 2.0).abs() < 1e-4, "{expected}: {}", two_seconds(&log));
+        assert!(log.remarks.iter().any(|r| r.contains(expected)), "{expected}: {:?}", log.remarks);
     }
 }
 
 #[test]
-fn a_stated_unit_counts_before_what_numbers_look_like() {
+fn a_stated_unit_has_precedence_over_an_inferred_one() {
     for (heading, step) in [
         ("time_s", 0.01),
         ("time [ms]", 10.0),
@@ -76,7 +76,7 @@ type Writer = (&'static str, fn(Moment) -> String);
 type Moment = (u32, u32, u32, u32, u32);
 
 #[test]
-fn dates_and_times_of_the_day_are_read_however_they_are_written() {
+fn dates_and_times_of_day_are_read_in_every_notation() {
     // row 200 comes 2 s after the first, over midnight
     let parts = |k: u32| {
         let ms = 86_399_000 + k * 10;
@@ -110,7 +110,7 @@ fn dates_and_times_of_the_day_are_read_however_they_are_written() {
 }
 
 #[test]
-fn a_letter_makes_no_time() {
+fn a_single_letter_does_not_identify_a_time_column() {
     // a temperature that rises throughout stands before the time, and others behind it
     let rows: String = (0..300)
         .map(|k| {
@@ -127,11 +127,11 @@ fn a_letter_makes_no_time() {
 }
 
 #[test]
-fn ticks_of_100_ns_are_none_but_in_scope() {
+fn ticks_of_100_ns_are_assumed_in_scope_exports_only() {
     let text =
         table("timestamp", |k| (133_000_000_000_000_000_u64 + u64::from(k) * 100_000).to_string());
-    let said = log("ticks_of_whom.csv", &text).unwrap_err().to_string();
-    assert!(said.contains("neither seconds nor"), "{said}");
+    let message = log("ticks_of_whom.csv", &text).unwrap_err().to_string();
+    assert!(message.contains("neither seconds nor"), "{message}");
     // a mapping may say so
     let mapping =
         Mapping::parse("m", "[log.time]\ncolumn = \"timestamp\"\nunit = \"ns\"\nscale = 100\n")
@@ -157,7 +157,7 @@ fn a_time_that_was_guessed_is_written_to_the_mapping_and_read_back() {
 }
 
 #[test]
-fn clocks_of_one_table_go_over_midnight_together() {
+fn all_clocks_of_a_table_pass_midnight_together() {
     for dates in [["2024-01-31 ", "2024-02-01 "], ["", ""]] {
         // the second clock begins after midnight
         let row = |k: u32| {
@@ -176,16 +176,19 @@ fn clocks_of_one_table_go_over_midnight_together() {
 }
 
 #[test]
-fn a_sample_time_counts_rows_of_text_files_only() {
+fn a_sample_time_applies_to_rows_of_text_files_only() {
     let path = file("counted.mcap", "\u{89}MCAP0\r\n");
     let bytes = [&[0x89][..], b"MCAP0\r\n"].concat();
     std::fs::write(&path, bytes).unwrap();
     let counted = TimeColumn { sample_time: Some(0.01), ..TimeColumn::default() };
-    let said = read(&path, Some(&counted)).unwrap_err().to_string();
-    assert!(said.contains("counts rows of text files; in an MCAP file name the time"), "{said}");
+    let message = read(&path, Some(&counted)).unwrap_err().to_string();
+    assert!(
+        message.contains("counts rows of text files; in an MCAP file name the time"),
+        "{message}"
+    );
     let nameless = TimeColumn { scale: 2.0, ..TimeColumn::default() };
-    let said = read(&path, Some(&nameless)).unwrap_err().to_string();
-    assert!(said.contains("name the column that is meant"), "{said}");
+    let message = read(&path, Some(&nameless)).unwrap_err().to_string();
+    assert!(message.contains("name the column that is meant"), "{message}");
 }
 
 #[test]
@@ -207,7 +210,7 @@ fn a_clock_is_mapped_and_shifted_by_a_mapping() {
         ("[log]\nsample_time_ms = -1\n", "sample_time_ms is the interval"),
         ("[log.time]\ncolour = 1\n", "colour is not understood"),
     ] {
-        let said = Mapping::parse("m", text).unwrap_err().to_string();
-        assert!(said.contains(wanted), "{said}");
+        let message = Mapping::parse("m", text).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     }
 }

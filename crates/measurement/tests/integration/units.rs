@@ -20,7 +20,7 @@ fn at(signals: &Signals, signal: Signal) -> f64 {
 }
 
 #[test]
-fn the_logs_unit_counts_where_a_mapping_names_only_the_column() {
+fn the_logs_unit_applies_where_a_mapping_names_only_the_column() {
     let text = "time,motor_speed_rad_s,p [MPa],x / in\n0,0,0,0\n1,157.07963,6.9,2\n2,0,0,0\n";
     let log = log("stated.csv", text);
     let mapping = "motor_speed = \"motor_speed_rad_s\"\npressure_a = \"p\"\nstroke = \"x\"\n";
@@ -32,27 +32,30 @@ fn the_logs_unit_counts_where_a_mapping_names_only_the_column() {
 }
 
 #[test]
-fn a_unit_that_is_unknown_or_of_something_else_is_an_error() {
+fn a_unit_that_is_unknown_or_of_another_quantity_is_an_error() {
     let text =
         "t,pressure_a [barr],x [bar],n [Hz],pressure_b [mm]\n0,1,1,1,1\n1,2,2,2,2\n2,3,3,3,3\n";
     let log = log("wrong.csv", text);
-    let said = |mapping: &str| mapped(&log, mapping).unwrap_err().to_string();
+    let message = |mapping: &str| mapped(&log, mapping).unwrap_err().to_string();
     // the column would be assigned to p_A: the message names the unit that the log states
-    let text = said("");
+    let text = message("");
     assert!(text.contains("\"barr\" is no known unit; the nearest is bar"), "{text}");
     // the remedy in the message is accepted, on two lines
     assert!(text.contains("[log.pressure_a] column = \"pressure_a [barr]\", unit = "), "{text}");
     let stated = "[log.pressure_a]\ncolumn = \"pressure_a [barr]\"\nunit = \"bar\"\n";
     assert!(mapped(&log, stated).is_ok());
     let known = "[log.pressure_a]\ncolumn = \"pressure_a\"\nunit = \"bar\"\n";
-    let text = said(&format!("stroke = \"x\"\n{known}"));
+    let text = message(&format!("stroke = \"x\"\n{known}"));
     assert!(text.contains("\"bar\" is a pressure, not a length"), "{text}");
-    let text = said(&format!("motor_speed = \"n\"\n{known}"));
+    let text = message(&format!("motor_speed = \"n\"\n{known}"));
     assert!(text.contains("\"Hz\" is a frequency, not a rotational speed"), "{text}");
-    // a column that is only named alike is left, and that is said
+    // a column that is only named alike is left, and that is reported
     let (mapping, _) = mapped(&log, known).unwrap();
-    let said = mapping.assumptions(&log).join("\n");
-    assert!(said.contains("\"pressure_b [mm]\" is not taken for p_B: mm is a length"), "{said}");
+    let message = mapping.assumptions(&log).join("\n");
+    assert!(
+        message.contains("\"pressure_b [mm]\" is not taken for p_B: mm is a length"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -96,12 +99,12 @@ fn a_valves_command_is_in_volts_or_a_share() {
 }
 
 #[test]
-fn what_was_guessed_is_marked_in_the_mapping_and_said() {
+fn guessed_units_are_marked_in_the_mapping_and_reported() {
     let log = log("bare.csv", "time,position_1,pressure_1\n0,50,69\n1,51,70\n2,52,69\n");
     let (mapping, _) =
         mapped(&log, "stroke = \"position_1\"\npressure_a = \"pressure_1\"\n").unwrap();
-    let said = mapping.assumptions(&log).join("\n");
-    assert!(said.contains("\"pressure_1\" has no unit: p_A is taken in bar"), "{said}");
+    let message = mapping.assumptions(&log).join("\n");
+    assert!(message.contains("\"pressure_1\" has no unit: p_A is taken in bar"), "{message}");
     let text = mapping.to_toml();
     assert_eq!(text.matches("# guessed by the size").count(), 2, "{text}");
     assert_eq!(text.matches("# guessed by its name").count(), 0, "{text}");
@@ -110,7 +113,7 @@ fn what_was_guessed_is_marked_in_the_mapping_and_said() {
 }
 
 #[test]
-fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
+fn an_absolute_pressure_is_suspected_by_its_name_or_rest_value() {
     // a rod side that is open to the air while it rests, gauge and absolute
     let rows = |air: f64| -> String {
         (0..200)
@@ -120,7 +123,7 @@ fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
             })
             .collect()
     };
-    let said = |name: &str, heading: &str, air: f64| {
+    let message = |name: &str, heading: &str, air: f64| {
         let log = log(name, &format!("time_s,{heading},pressure_a_bar\n{}", rows(air)));
         let mapping = Mapping::default().completed(&log).unwrap();
         let found = mapping.suspicions(&log, 0.5, 50.0);
@@ -128,12 +131,12 @@ fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
         assert!(found.iter().all(|s| !s.is_unusable), "{found:?}");
         found.iter().map(|s| s.text.clone()).collect::<Vec<_>>().join("\n")
     };
-    let text = said("absolute.csv", "pressure_b_bar", 1.013);
+    let text = message("absolute.csv", "pressure_b_bar", 1.013);
     assert!(text.contains("p_B") && text.contains("rests at about 1 bar for 40 %"), "{text}");
     assert!(text.contains("unit = \"bar abs\", or offset = -1.0132"), "{text}");
-    assert_eq!(said("gauge.csv", "pressure_b_bar", 0.0), "");
-    assert_eq!(said("stated.csv", "pressure_b [bar abs]", 1.013), "");
-    let text = said("named.csv", "pressure_b_abs [bar]", 3.0);
+    assert_eq!(message("gauge.csv", "pressure_b_bar", 0.0), "");
+    assert_eq!(message("stated.csv", "pressure_b [bar abs]", 1.013), "");
+    let text = message("named.csv", "pressure_b_abs [bar]", 3.0);
     assert!(text.contains("is named as an absolute pressure"), "{text}");
 }
 
@@ -156,12 +159,15 @@ fn the_proposed_zero_is_right_with_sign_and_offset() {
             Mapping::parse("m", &text).unwrap().completed(&log).unwrap()
         };
         let suspicions = mapped(offset).suspicions(&log, 0.5, 50.0);
-        let said = &suspicions[0].text;
-        let proposed = said.split("offset = ").nth(1).and_then(|t| t.split(' ').next());
-        let proposed: f64 = proposed.and_then(|t| t.parse().ok()).expect(said);
+        let message = &suspicions[0].text;
+        let proposed = message.split("offset = ").nth(1).and_then(|t| t.split(' ').next());
+        let proposed: f64 = proposed.and_then(|t| t.parse().ok()).expect(message);
         let signals = Signals::of(&log, &mapped(proposed)).unwrap();
         let stroke = signals.get(Signal::Stroke).unwrap().values();
-        assert!(stroke[0].abs() < 1e-9 && (stroke[199] - 0.25).abs() < 1e-9, "{said}: {stroke:?}");
+        assert!(
+            stroke[0].abs() < 1e-9 && (stroke[199] - 0.25).abs() < 1e-9,
+            "{message}: {stroke:?}"
+        );
         assert!(mapped(proposed).suspicions(&log, 0.5, 50.0).is_empty());
     }
 }

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn an_emptied_accumulator_goes_stiff_instead_of_vanishing() {
+    fn an_empty_accumulator_is_stiff_and_has_no_gas_rate() {
         let (accumulator, _) = example(1.2);
         let below = accumulator.closing_pressure - 1.0;
         let (rate, gas_rate) = accumulator.rates(2e7, below, 9.9e-3, -1e-5);

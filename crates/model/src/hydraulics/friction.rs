@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_never_gives_energy_back_beyond_what_the_bristles_hold() {
+    fn friction_returns_no_more_energy_than_the_bristles_store() {
         let (mut z, mut gained) = (0.0, 0.0_f64);
         let step = 1e-6;
         for i in 0..2_000_000 {

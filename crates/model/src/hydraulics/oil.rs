@@ -158,7 +158,7 @@ mod tests {
     };
 
     #[test]
-    fn oil_is_half_stiff_in_the_middle_of_the_transition() {
+    fn the_bulk_modulus_is_the_mean_in_the_middle_of_the_transition() {
         assert_eq!(OIL.bulk_modulus(35e5), 0.81e9);
         assert!((OIL.bulk_modulus(200e5) - 1.6e9).abs() < 1.0);
     }
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn stored_energy_changes_by_what_enters() {
+    fn stored_energy_changes_by_the_energy_that_enters() {
         // d(ρe)/dp = ρe/β + p/β: the definition, differentiated
         let oil = OIL.map(Dual::<f64, 1>::constant);
         for (p, tolerance) in
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cavity_takes_exactly_the_oil_that_is_missing() {
+    fn a_cavity_has_the_volume_of_the_missing_oil() {
         // draw 1 mL out of a node at the vapour pressure while its volume grows by half a litre
         let (mut q, mut volume, mut cavity) = (-1e5, 2e-3, 0.0);
         let (outflow, growth, step) = (1e-3, 0.5, 1e-7);

@@ -127,7 +127,7 @@ fn the_benchmark_finishes(before: &Record, after: &[Record], cause: Fallback) {
 }
 
 #[test]
-fn a_command_that_is_not_finite_leaves_the_course_to_the_benchmark() {
+fn a_command_that_is_not_finite_falls_back_to_the_benchmark() {
     let mut rig = Rig::new();
     let before = rig.until(4.0);
     assert_eq!((before.strategy, before.fallback), (ASKED, None));
@@ -138,7 +138,7 @@ fn a_command_that_is_not_finite_leaves_the_course_to_the_benchmark() {
 }
 
 #[test]
-fn an_estimator_that_has_diverged_leaves_the_course_to_the_benchmark() {
+fn a_diverged_estimator_falls_back_to_the_benchmark() {
     let mut rig = Rig::new();
     let before = rig.until(4.0);
     // with a divergence time of zero it diverges at once: the filter starts at rest while the piston moves
@@ -150,7 +150,7 @@ fn an_estimator_that_has_diverged_leaves_the_course_to_the_benchmark() {
 /// Non-finite estimates must not persist while the load is held: every later course would run under the
 /// benchmark controller.
 #[test]
-fn an_estimator_that_is_not_finite_begins_anew_while_the_load_is_held() {
+fn a_nonfinite_estimator_restarts_while_the_load_is_held() {
     let mut rig = Rig::new();
     let before = rig.until(4.0);
     // the friction is not used while the load is held, so that the NaN appears in motion

@@ -35,14 +35,14 @@ fn judge(outcome: &Outcome, crane: &str) {
 
 /// Every fault alone and with every fourth of the second faults, with moments and strategies in turn.
 #[test]
-fn every_kind_of_fault_keeps_to_its_bounds() {
+fn every_kind_of_fault_stays_within_its_bounds() {
     keep_to_their_bounds(4);
 }
 
 /// The same with every second fault.
 #[test]
 #[ignore = "campaign"]
-fn campaign_every_pair_of_faults_keeps_to_its_bounds() {
+fn campaign_every_pair_of_faults_stays_within_its_bounds() {
     keep_to_their_bounds(1);
 }
 
@@ -76,7 +76,7 @@ fn keep_to_their_bounds(stride: usize) {
 
 /// The same for another payload, lever and bore, with the fastest and the slowest valve.
 #[test]
-fn other_cranes_keep_to_their_bounds() {
+fn other_cranes_stay_within_their_bounds() {
     let mut cranes = Vec::new();
     for (k, crane) in campaign_cranes().unwrap().iter().enumerate().skip(1) {
         cranes.push(at_valve_end(crane, k % 2 == 0));

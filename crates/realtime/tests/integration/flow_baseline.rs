@@ -89,7 +89,7 @@ fn a_healthy_machine_agrees_with_its_baseline_cycle_after_cycle() {
 }
 
 #[test]
-fn a_baseline_comes_back_from_its_file_and_not_for_another_crane() {
+fn a_baseline_file_is_read_back_and_refused_for_another_crane() {
     let (_, baseline) = recorded();
     let model = Description::uia_single_boom().unwrap();
     let path = std::env::temp_dir().join(format!("hydroboom-baseline-{}", std::process::id()));

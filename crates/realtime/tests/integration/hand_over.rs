@@ -94,14 +94,14 @@ fn largest_error_in(seen: &[Seen], times: Range<f64>) -> f64 {
 ///
 /// One of the moments for each pair of strategies.
 #[test]
-fn a_hand_over_in_motion_moves_neither_the_command_nor_the_piston() {
+fn a_hand_over_in_motion_is_bumpless() {
     hand_over_at(1);
 }
 
 /// The same at every moment.
 #[test]
 #[ignore = "campaign"]
-fn campaign_a_hand_over_at_any_moment_moves_neither_the_command_nor_the_piston() {
+fn campaign_a_hand_over_at_any_moment_is_bumpless() {
     hand_over_at(MOMENTS.len());
 }
 
@@ -166,7 +166,7 @@ impl Disturbance for Lost {
 /// command changes no more than in other periods. Eight periods make a measurement stale but are less than
 /// the supervisor tolerates.
 #[test]
-fn lost_readings_move_neither_the_command_nor_the_piston() {
+fn lost_readings_cause_no_step_in_command_or_position() {
     let alone = course(|_| LQR, &mut Undisturbed);
     for (at, periods) in [(4.0, 1), (4.0, 8), (13.5, 8)] {
         let begin = alone.iter().find(|(r, _)| r.course_time.is_some_and(|time| time >= at));
@@ -207,7 +207,7 @@ fn stopped_and_begun_again(strategy: Strategy) -> Vec<Seen> {
 /// equals the speed at the end of the release. While the load settles on the pump, the tracking error is no
 /// larger than under the benchmark controller.
 #[test]
-fn a_release_begins_without_a_jump_also_after_a_stop() {
+fn a_release_starts_without_a_step_also_after_a_stop() {
     let first = |strategy: Strategy| course(|_| strategy, &mut Undisturbed);
     for (name, begin) in [("first", &first as &dyn Fn(_) -> _), ("next", &stopped_and_begun_again)]
     {

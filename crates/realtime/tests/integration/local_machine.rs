@@ -296,7 +296,7 @@ fn without_a_controller_the_machine_stops_itself() {
 }
 
 #[test]
-fn a_control_task_that_stands_still_has_its_load_held_until_it_holds_it_itself() {
+fn the_bus_task_holds_the_load_while_the_control_task_stalls() {
     let mut rig = Rig::at_full_speed();
     let mut ordered_after = None;
     let (safe_after, furthest) = rig.until_safe(|rig, k| {
@@ -321,7 +321,7 @@ fn a_control_task_that_stands_still_has_its_load_held_until_it_holds_it_itself()
 }
 
 #[test]
-fn a_short_stall_of_control_is_a_fault_too_and_opens_no_valve_again() {
+fn after_a_short_stall_of_control_the_valve_stays_shut() {
     let mut rig = Rig::at_full_speed();
     // shorter than the watchdog times of machine and supervisor
     for _ in 0..5 {
@@ -336,7 +336,7 @@ fn a_short_stall_of_control_is_a_fault_too_and_opens_no_valve_again() {
 }
 
 #[test]
-fn commands_that_do_not_arrive_are_noticed_and_the_load_stays_held_when_they_do_again() {
+fn after_lost_commands_the_load_stays_held() {
     let mut rig = Rig::at_full_speed();
     rig.machine.is_deaf = true;
     let mut found = None;
@@ -354,7 +354,7 @@ fn commands_that_do_not_arrive_are_noticed_and_the_load_stays_held_when_they_do_
 }
 
 #[test]
-fn single_bad_datagrams_are_dropped_and_counted_and_the_course_goes_on() {
+fn single_bad_datagrams_are_dropped_and_counted_without_a_fault() {
     let kinds = [Spoilt::CheckSum, Spoilt::NotFinite, Spoilt::Repeated, Spoilt::OtherSession];
     let mut rig = Rig::at_full_speed();
     for k in 0..400_usize {
@@ -367,7 +367,7 @@ fn single_bad_datagrams_are_dropped_and_counted_and_the_course_goes_on() {
 }
 
 #[test]
-fn too_many_lost_measurements_are_a_fault_and_so_is_a_session_that_is_not_ours() {
+fn lost_measurements_and_a_foreign_session_are_faults() {
     let mut rig = Rig::at_full_speed();
     let mut found = None;
     let (_, furthest) = rig.until_safe(|rig, k| {
@@ -387,7 +387,7 @@ fn too_many_lost_measurements_are_a_fault_and_so_is_a_session_that_is_not_ours()
 }
 
 #[test]
-fn a_fault_of_the_machine_is_named_and_reset_there_before_it_is_reset_here() {
+fn a_machine_fault_is_named_and_reset_on_the_machine_first() {
     let mut rig = Rig::at_full_speed();
     rig.machine.fault = 0x7500;
     let record = rig.period(None);
@@ -410,7 +410,7 @@ fn a_fault_of_the_machine_is_named_and_reset_there_before_it_is_reset_here() {
 }
 
 #[test]
-fn drives_that_do_not_come_on_release_no_load_and_drives_that_go_off_are_a_fault() {
+fn disabled_drives_prevent_a_release_and_are_a_fault_in_motion() {
     let mut rig = Rig::new();
     rig.machine.enables = false;
     let mut last = rig.period(None);
@@ -426,11 +426,14 @@ fn drives_that_do_not_come_on_release_no_load_and_drives_that_go_off_are_a_fault
 }
 
 #[test]
-fn a_port_that_is_taken_is_said() {
+fn a_port_in_use_is_reported() {
     let taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let port = taken.local_addr().unwrap().port();
     let error = BusTask::open(port, PERIOD).unwrap_err();
     assert!(matches!(error, BusError::Port { .. }));
-    let said = error.to_string();
-    assert!(said.contains(&port.to_string()) && said.contains("another program"), "{said}");
+    let message = error.to_string();
+    assert!(
+        message.contains(&port.to_string()) && message.contains("another program"),
+        "{message}"
+    );
 }

@@ -63,7 +63,7 @@ fn rms_mm(records: &[Record]) -> f64 {
 }
 
 #[test]
-fn every_strategy_runs_its_course_and_the_load_is_released_and_held_softly() {
+fn every_strategy_completes_its_course_with_a_smooth_release() {
     let case = case(&[]);
     for strategy in Strategy::ALL {
         let records = course(&case, strategy, |_| strategy);
@@ -85,7 +85,7 @@ fn every_strategy_runs_its_course_and_the_load_is_released_and_held_softly() {
 }
 
 #[test]
-fn simulated_time_is_the_same_every_time_to_the_last_bit() {
+fn runs_in_simulated_time_are_identical_to_the_last_bit() {
     let case = case(&[]);
     let run = || course(&case, Strategy::SimulationFeedforwardClosedLoop, |r| r.strategy);
     let (one, other) = (run(), run());
@@ -96,7 +96,7 @@ fn simulated_time_is_the_same_every_time_to_the_last_bit() {
 }
 
 #[test]
-fn strategies_change_without_a_bump() {
+fn changes_of_strategy_are_bumpless() {
     let case = case(&[]);
     let all = Strategy::ALL;
     let (at, window) = (4.0, 0.05);
@@ -121,7 +121,7 @@ fn strategies_change_without_a_bump() {
 }
 
 #[test]
-fn the_benchmark_takes_over_from_a_simulation_that_is_not_true() {
+fn a_deviating_simulation_falls_back_to_the_benchmark() {
     // the pump delivers a fifth less: in open loop the machine falls behind the simulation
     let far = case_of(&wide_flow_gain(), &["pump.flow_gain=0.75"]);
     let records = course(&far, Strategy::SimulationFeedforwardOpenLoop, |_| {
@@ -154,7 +154,7 @@ fn a_motor_too_weak_for_the_load_ends_in_a_fault_with_the_load_held() {
 }
 
 #[test]
-fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
+fn a_stop_during_the_proving_motion_prevents_the_release() {
     let case = case(&[]);
     let strategy = Strategy::BenchmarkClosedLoop;
     let mut run = Lockstep::new(&case.model, &case.crane, case.motion, strategy).unwrap();
@@ -176,7 +176,7 @@ fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
 
 /// A change of the simulated payload to an estimate does not excite the simulated crane.
 #[test]
-fn another_payload_is_taken_on_gently() {
+fn a_changed_payload_does_not_excite_the_simulated_crane() {
     let model = Description::uia_single_boom().unwrap();
     let mut simulation = SimulationTask::new(&model, 0.2).unwrap();
     let before = *simulation.simulated().axis();

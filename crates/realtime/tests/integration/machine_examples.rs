@@ -155,9 +155,11 @@ impl Rig {
 fn end_of(machine: Child) -> [f64; 4] {
     let output = machine.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", output.status);
-    let said = String::from_utf8(output.stdout).unwrap();
-    let held =
-        said.lines().find(|line| line.starts_with("held")).unwrap_or_else(|| panic!("{said}"));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let held = printed
+        .lines()
+        .find(|line| line.starts_with("held"))
+        .unwrap_or_else(|| panic!("{printed}"));
     let numbers: Vec<f64> = held.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
     numbers.try_into().unwrap()
 }
@@ -209,19 +211,19 @@ fn plays_a_course(machine: Command) {
 }
 
 #[test]
-fn a_machine_in_c_plays_a_course() {
+fn a_machine_in_c_completes_a_course() {
     plays_a_course(in_c());
 }
 
 #[test]
-fn a_machine_in_python_plays_a_course() {
+fn a_machine_in_python_completes_a_course() {
     if let Some(machine) = in_python() {
         plays_a_course(machine);
     }
 }
 
 #[test]
-fn a_machine_whose_controller_goes_in_motion_stops_itself() {
+fn a_machine_stops_itself_if_its_controller_ends_in_motion() {
     let rig = Rig::at_full_speed(in_c());
     let most = rig.stopping_distance();
     drop(rig.run);
@@ -232,7 +234,7 @@ fn a_machine_whose_controller_goes_in_motion_stops_itself() {
 }
 
 #[test]
-fn a_machine_that_is_stopped_is_lost_and_holds_its_load_when_it_goes_on() {
+fn a_suspended_machine_is_lost_and_holds_its_load_on_resuming() {
     let mut rig = Rig::at_full_speed(in_c());
     let stopped_at = 1e3 * rig.period().signals().stroke;
     // simulated time continues without the machine until the supervisor reports it as lost
@@ -262,7 +264,7 @@ fn a_machine_that_is_stopped_is_lost_and_holds_its_load_when_it_goes_on() {
 
 /// Its port is closed from then on (SIGKILL), which the operating system reports to the controller's socket.
 #[test]
-fn a_machine_that_is_killed_is_lost_and_the_fault_stands() {
+fn a_killed_machine_is_lost_and_the_fault_remains() {
     let mut rig = Rig::at_full_speed(in_c());
     rig.machine.kill().unwrap();
     rig.machine.wait().unwrap();

@@ -97,12 +97,15 @@ fn an_empty_or_damaged_log_is_refused() {
     assert_eq!(read(&bytes), Ok(records.len()));
     let cut = read(&bytes[..bytes.len() / 2]).unwrap();
     assert!(cut > 0 && cut < records.len(), "{cut}");
-    let said = read(&bytes[..8]).unwrap_err();
-    assert!(said.contains("no control period"), "{said}");
+    let message = read(&bytes[..8]).unwrap_err();
+    assert!(message.contains("no control period"), "{message}");
     let mut damaged = bytes.clone();
     damaged[bytes.len() / 2] ^= 0x20;
-    let said = read(&damaged).unwrap_err();
-    assert!(said.contains("a replay needs every period") && said.contains("chunk"), "{said}");
+    let message = read(&damaged).unwrap_err();
+    assert!(
+        message.contains("a replay needs every period") && message.contains("chunk"),
+        "{message}"
+    );
     // as a table it is read without the damaged part, which is reported
     let table = hydroboom_realtime::log::read(&path).unwrap();
     assert!(table.rows.len() > records.len() / 4 && table.rows.len() < records.len());
@@ -116,7 +119,7 @@ fn an_empty_or_damaged_log_is_refused() {
 
 /// The same measurements give the same estimates and commands.
 #[test]
-fn a_replayed_run_estimates_what_it_estimated() {
+fn a_replayed_run_gives_the_same_estimates() {
     let (model, records, path) = logged_with("estimated", Strategy::ScheduledLqr, None, 12.0);
     let rows = rows(&path).unwrap();
     std::fs::remove_file(path).unwrap();

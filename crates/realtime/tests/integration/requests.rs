@@ -82,7 +82,7 @@ fn acts(record: &&Record) -> bool {
 }
 
 #[test]
-fn who_takes_the_role_starts_nothing_that_somebody_else_asked_for() {
+fn a_new_operator_does_not_inherit_a_start_request() {
     // during the fault, in Ready, and in Holding just before the page is closed, which is a fault of its
     // own
     for (asked, ends_in) in [(2.05, State::Holding), (2.3, State::Holding), (2.98, State::Fault)] {
@@ -101,7 +101,7 @@ fn who_takes_the_role_starts_nothing_that_somebody_else_asked_for() {
 }
 
 #[test]
-fn an_operator_who_is_present_starts_once_the_load_is_held() {
+fn a_present_operator_can_start_once_the_load_is_held() {
     // not before, and not at the moment of taking the role, because the load is not held yet
     let records = play(vec![
         (0.9, Act::Start),
@@ -116,7 +116,7 @@ fn an_operator_who_is_present_starts_once_the_load_is_held() {
 }
 
 #[test]
-fn a_role_given_back_while_the_load_is_taken_over_releases_nothing() {
+fn giving_back_the_role_during_the_proof_prevents_the_release() {
     // pre-loading takes almost three seconds
     let script = |more: &[(f64, Act)]| {
         let mut script = vec![(1.0, Act::Take), (2.0, Act::Start), (3.5, Act::Leave)];
@@ -137,7 +137,7 @@ fn a_role_given_back_while_the_load_is_taken_over_releases_nothing() {
 }
 
 #[test]
-fn an_emergency_stop_before_the_machine_is_watched_is_not_lost() {
+fn an_emergency_stop_before_supervision_starts_is_not_lost() {
     let records = play(vec![(0.0, Act::Emergency), (0.5, Act::Take), (3.0, Act::Close)]);
     let end = records.last().unwrap().decision;
     assert_eq!((end.state, end.cause), (State::Fault, Some(Cause::EmergencyStop)));

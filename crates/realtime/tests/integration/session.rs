@@ -99,7 +99,7 @@ fn rms_mm(records: &[Record]) -> f64 {
 }
 
 #[test]
-fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
+fn a_course_completes_after_emergency_stop_reset_and_approach() {
     let cranes = Cranes::new(&[]);
     let motion = cranes.motion();
     let script = cranes.play(
@@ -138,7 +138,7 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
 }
 
 #[test]
-fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
+fn a_deviating_simulation_is_reset_to_the_machine_and_followed_again() {
     // the pump delivers a fifth less: in open loop the machine falls behind the simulation
     let mut cranes = Cranes::new(&["pump.flow_gain=0.75"]);
     // with a wide range of the flow gain, delivered flow cannot contradict the position
@@ -166,7 +166,7 @@ fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
 }
 
 #[test]
-fn a_simulation_that_stands_still_is_not_followed_however_often_it_is_set() {
+fn a_stalled_simulation_is_not_followed_despite_resets() {
     let cranes = Cranes::new(&[]);
     let acts = vec![
         (0.5, Act::Start(cranes.motion())),
@@ -181,7 +181,7 @@ fn a_simulation_that_stands_still_is_not_followed_however_often_it_is_set() {
 }
 
 #[test]
-fn a_payload_that_is_set_down_on_the_way_is_borne() {
+fn a_payload_halved_during_the_course_causes_no_fault() {
     let cranes = Cranes::new(&[]);
     let payload = cranes.machine.numbers.payload;
     let acts = vec![

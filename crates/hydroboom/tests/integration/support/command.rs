@@ -24,10 +24,10 @@ pub fn files(name: &str) -> impl Fn(&str) -> String {
 }
 
 /// Checks that the command failed with a message that contains `wanted`.
-pub fn says(output: &Output, wanted: &str) {
-    let said = String::from_utf8_lossy(&output.stderr);
+pub fn fails_with(output: &Output, wanted: &str) {
+    let message = String::from_utf8_lossy(&output.stderr);
     assert!(!output.status.success(), "should fail and say {wanted}");
-    assert!(said.contains(wanted), "{said}");
+    assert!(message.contains(wanted), "{message}");
 }
 
 /// Printed JSON, which is that of the command's schema.

@@ -22,7 +22,7 @@ pub struct Run {
     /// Token for commands.
     pub token: String,
     /// Text on standard error.
-    pub said: Arc<Mutex<String>>,
+    pub printed: Arc<Mutex<String>>,
 }
 
 impl Run {
@@ -51,12 +51,12 @@ impl Run {
         let rest = line.strip_prefix("dashboard: http://").expect("the address comes first");
         let (host, token) = rest.split_once("/#").unwrap();
         let (host, token) = (host.to_string(), token.to_string());
-        let said = Arc::new(Mutex::new(String::new()));
-        let heard = Arc::clone(&said);
+        let printed = Arc::new(Mutex::new(String::new()));
+        let heard = Arc::clone(&printed);
         std::thread::spawn(move || {
             lines.map_while(Result::ok).for_each(|line| *heard.lock().unwrap() += &(line + "\n"));
         });
-        Self { process, host, token, said }
+        Self { process, host, token, printed }
     }
 
     /// Address of the page with the token.

@@ -55,13 +55,13 @@ pub fn coverage(seed: u64, draws: std::ops::Range<u64>, course: Course) -> Vec<R
         for (row, outcome) in rows.iter_mut().zip(outcomes) {
             row.deviations += outcome.deviation;
             row.reason = outcome.biased.unwrap_or(row.reason);
-            let told = match (outcome.biased, outcome.is_determined) {
+            let counts = match (outcome.biased, outcome.is_determined) {
                 (Some(_), _) => &mut row.biased,
                 (None, true) => &mut row.determined,
                 (None, false) => &mut row.open,
             };
-            told[0] += 1;
-            told[1] += u32::from(outcome.holds);
+            counts[0] += 1;
+            counts[1] += u32::from(outcome.holds);
         }
     }
     rows

@@ -139,7 +139,7 @@ mod tests {
 
     /// Standard deviations of the outputs compared with central differences of the outputs.
     #[test]
-    fn deviations_of_outputs_are_those_of_the_states() {
+    fn standard_deviations_of_outputs_follow_from_the_state_covariance() {
         let description = Description::uia_single_boom().unwrap();
         let controller = scheduled_lqr_controller(&description).unwrap();
         let filter = controller.estimator().filter;

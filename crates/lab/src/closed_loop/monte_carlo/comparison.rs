@@ -152,7 +152,7 @@ mod tests {
     use hydroboom_design::benchmark_design::Gains;
 
     #[test]
-    fn errors_are_told_over_those_of_both_benchmarks_on_the_same_crane() {
+    fn errors_are_divided_by_those_of_both_benchmarks_on_the_same_crane() {
         let gains = Gains::of(&Description::uia_single_boom().unwrap());
         let retuned = ControllerChoice::Baseline(Baseline::RetunedBenchmark(gains));
         let controllers =

@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn the_spread_of_even_numbers_is_even() {
+    fn percentiles_of_a_uniform_distribution_are_exact() {
         let spread = Percentiles::of((0..=1000).map(f64::from));
         assert!((spread.median - 500.0).abs() < 1.0, "{spread:?}");
         assert!((spread.p5 - 50.0).abs() < 1.0 && (spread.p95 - 950.0).abs() < 1.0, "{spread:?}");

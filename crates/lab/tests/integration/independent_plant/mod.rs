@@ -138,7 +138,7 @@ fn the_motor_is_read_two_periods_after_the_command() {
 
 /// At rest the measurements have the sensors' noise and resolution.
 #[test]
-fn readings_scatter_as_the_sensors_do() {
+fn readings_have_the_noise_of_the_sensors() {
     let numbers = virtual_crane().numbers;
     let mut plant = IndependentPlant::start(&[]);
     plant.hold_load();
@@ -207,7 +207,7 @@ fn at_rest_pressure_sinks_by_leakage_only() {
 /// The integration error is small compared with the sensors' resolution: half the step gives the same
 /// trajectory.
 #[test]
-fn half_the_step_gives_the_same_path() {
+fn half_the_step_gives_the_same_trajectory() {
     let model = model();
     let motion = model.motion(model.numbers.fast);
     let revolutions = areas(&model).0 / model.numbers.displacement;

@@ -70,7 +70,7 @@ fn number_of_segments_is_free_and_layouts_agree() {
 }
 
 #[test]
-fn more_segments_come_nearer_at_second_order_or_better() {
+fn more_segments_converge_at_second_order_or_better() {
     let frictionless = without_friction(&Description::uia_virtual().unwrap()).unwrap();
     let frequency =
         |segments: usize| locked_mode(&frictionless.divided(segments), 0.2).unwrap().frequency_hz;

@@ -81,7 +81,7 @@ fn oil_is_conserved_through_cavitation() {
 /// circuit. Up and down, with oil so soft that each opening of a valve compresses much of it, and with
 /// steps of a control period.
 #[test]
-fn implicit_steps_lose_no_oil_on_their_way() {
+fn implicit_steps_conserve_oil() {
     let soft_and_light = described(&["payload.mass_kg=54", "oil.transition_bar=18"]);
     let (crane, at_rest) = resting::<3>(&soft_and_light, 0.15);
     let (circuit, cylinder, step) = (crane.circuit, crane.cylinder, 1e-3);

@@ -7,7 +7,7 @@ use hydroboom_model::Input;
 use hydroboom_model::Scheme;
 
 #[test]
-fn nothing_rings_at_the_start_wherever_it_is() {
+fn a_start_at_any_stroke_excites_no_oscillation() {
     let base = ["base.stiffness_knm_per_rad=3000", "base.slack_mrad=0.5"];
     for overrides in
         [&[][..], &["boom.segments=10"], &["boom.segments=1"], &["payload.mass_kg=50"], &base]

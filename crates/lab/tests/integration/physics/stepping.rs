@@ -32,7 +32,7 @@ fn schemes_converge_to_the_same_motion() {
 }
 
 #[test]
-fn time_steps_have_the_order_and_the_damping_they_claim() {
+fn time_steps_have_their_stated_order_and_damping() {
     for seen in numerical_damping(&described(&[])).unwrap() {
         let wanted = match seen.scheme.as_str() {
             "published" => Some(1.0),
@@ -52,7 +52,7 @@ fn time_steps_have_the_order_and_the_damping_they_claim() {
 }
 
 #[test]
-fn violent_events_are_taken_in_parts_and_steps_agree() {
+fn impacts_are_substepped_and_step_sizes_agree() {
     // full speed into the end stop and back, with the relief valves of a real machine
     let crane = described(&["relief.valves=fitted"]);
     let run = |step: f64| {
@@ -73,7 +73,7 @@ fn violent_events_are_taken_in_parts_and_steps_agree() {
 }
 
 #[test]
-fn published_scheme_substeps_where_it_would_blow_up() {
+fn published_scheme_substeps_where_it_would_be_unstable() {
     for (overrides, substeps) in [
         (&["boom.segments=20"][..], 2..5),
         (&["boom.segments=50"][..], 10..30),
@@ -137,7 +137,7 @@ fn impossible_steps_and_inputs_are_refused() {
 }
 
 #[test]
-fn a_crane_driven_into_ruin_says_so_and_keeps_its_last_good_state() {
+fn an_invalid_state_is_an_error_and_the_last_valid_one_is_kept() {
     let (crane, at_rest) = resting::<3>(&described(&[]), 0.45);
     let mut simulation = Simulation::new(crane, at_rest, Scheme::Implicit, 250e-6).unwrap();
     let full_speed = Input { pump_speed: 50.0, holding_valve: 1.0 };
@@ -156,7 +156,7 @@ fn a_crane_driven_into_ruin_says_so_and_keeps_its_last_good_state() {
 }
 
 #[test]
-fn a_step_that_does_not_settle_is_not_kept() {
+fn a_step_that_does_not_converge_is_rejected() {
     // full speed into an end stop and back with too long a step, until one does not converge
     let (crane, mut state) = resting::<3>(&described(&["relief.valves=fitted"]), 0.45);
     let implicit = Implicit::new(&crane);

@@ -38,7 +38,7 @@ const PLAIN: [&str; 8] = [
 ];
 
 #[test]
-fn what_is_at_rest_with_the_valve_closed_stays_there() {
+fn with_the_valve_closed_the_crane_stays_at_rest() {
     let (crane, begin) = lift(&["valve.leakage_l_min_per_bar=0"], 0.2);
     let scheme = Implicit::new(&crane);
     let mut state = begin;
@@ -50,7 +50,7 @@ fn what_is_at_rest_with_the_valve_closed_stays_there() {
 }
 
 #[test]
-fn a_boom_on_a_locked_cylinder_rings_as_its_oil_and_inertia_say() {
+fn a_locked_cylinder_oscillates_with_the_frequency_of_oil_and_inertia() {
     let (crane, begin) = lift(&PLAIN, 0.25);
     // k = A²/C_A + A_r²/C_B with C = V/beta + V_hose (1/beta + 1/wall); J of both links as one rigid body
     let (c, circuit) = (&crane.cylinder, &crane.circuit);
@@ -135,7 +135,7 @@ fn a_spool_answers_a_step_as_a_second_order_lag() {
 }
 
 #[test]
-fn air_shut_in_on_the_rod_side_follows_its_gas_law() {
+fn trapped_air_on_the_rod_side_follows_its_gas_law() {
     let shut = [
         "valve.leakage_l_min_per_bar=0",
         "valve.b_to_tank_m3_s_sqrtpa=1e-12",
@@ -184,7 +184,7 @@ fn both_schemes_move_a_valve_controlled_crane_alike() {
 }
 
 #[test]
-fn friction_holds_what_the_pressure_does_not() {
+fn friction_carries_the_load_that_pressure_does_not() {
     let mut description = Description::patu_lift().unwrap();
     description.set("valve.leakage_l_min_per_bar=0").unwrap();
     let n = &description.numbers;

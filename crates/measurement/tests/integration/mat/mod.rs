@@ -45,7 +45,7 @@ fn holds(log: &Measurement) {
 }
 
 #[test]
-fn signals_lie_along_rows_or_columns_and_are_told_by_the_length_of_the_time() {
+fn signals_in_rows_or_columns_are_recognised_by_the_time_length() {
     let [t, x, p] = course();
     let p_b: Vec<f64> = p.iter().map(|p| p - 60.0).collect();
     let in_rows = doubles("pressures_bar", &[2, SAMPLES], &beside(&[&p, &p_b]));
@@ -74,7 +74,7 @@ fn integers_and_packed_variables_are_read() {
 }
 
 #[test]
-fn structures_are_read_with_the_time_that_is_in_them_or_around_them() {
+fn structures_are_read_with_an_inner_or_outer_time() {
     let [t, x, p] = course();
     let slow: Vec<f64> = (0..10).map(|k| f64::from(k) * 0.05).collect();
     let inner =
@@ -225,7 +225,7 @@ fn trajectory(is_transposed: bool) -> Vec<u8> {
 
 /// Variables are found by dataInfo, with its sign; described by tools such as FMPy issue 448 and PyFMI.
 #[test]
-fn results_of_openmodelica_and_dymola_are_read_either_way_round() {
+fn results_of_openmodelica_and_dymola_are_read_transposed_or_not() {
     let [t, x, p] = course();
     for is_transposed in [true, false] {
         let log = log(&format!("trajectory_{is_transposed}.mat"), &trajectory(is_transposed));
@@ -293,17 +293,20 @@ fn groups_of_level_7_3_that_are_no_structures_are_named() {
 }
 
 #[test]
-fn why_references_cannot_be_followed_is_said() {
+fn unresolvable_references_are_refused_with_the_reason() {
     let mut bytes = std::fs::read(recorded("scope_7_3.mat")).unwrap();
     // the name of the group with the targets of references
     let at = bytes.windows(6).position(|w| w == b"#refs#").unwrap();
     bytes[at + 1..at + 5].copy_from_slice(b"lost");
-    let said = refused("lost_7_3.mat", &bytes);
-    assert!(said.contains("ScopeData cannot be read") && said.contains("#refs#"), "{said}");
+    let message = refused("lost_7_3.mat", &bytes);
+    assert!(
+        message.contains("ScopeData cannot be read") && message.contains("#refs#"),
+        "{message}"
+    );
 }
 
 #[test]
-fn two_times_of_one_length_are_told() {
+fn two_times_of_one_length_are_reported() {
     let [t, x, _] = course();
     let slow: Vec<f64> = t.iter().map(|t| 2.0 * t).collect();
     let both = |second: &[f64]| {
@@ -330,19 +333,22 @@ fn the_number_of_signals_is_bounded() {
 }
 
 #[test]
-fn what_is_not_read_is_named_and_nothing_usable_is_refused() {
+fn unread_variables_are_named_and_a_file_of_these_only_is_refused() {
     let [t, x, _] = course();
     let others = [cells("names", &["stroke", "p_A"]), object("out", "timeseries")];
-    let said = refused("cells.mat", &file(&[vec![row("t", &t)], others.to_vec()].concat()));
+    let message = refused("cells.mat", &file(&[vec![row("t", &t)], others.to_vec()].concat()));
     for wanted in ["cells.mat", "names is a cell array", "out is an object (timeseries)"] {
-        assert!(said.contains(wanted), "{said}");
+        assert!(message.contains(wanted), "{message}");
     }
     let some = file(&[vec![row("t", &t), row("stroke_mm", &x)], others.to_vec()].concat());
     let log = log("some.mat", &some);
     assert_eq!(log.headings(), "stroke_mm");
     assert!(log.remarks.iter().any(|r| r.contains("cell array")), "{:?}", log.remarks);
-    let said = refused("timeless.mat", &file(&[row("b", &x), row("a", &x)]));
-    assert!(said.contains("no variable is named as a time") && said.contains("b, a"), "{said}");
+    let message = refused("timeless.mat", &file(&[row("b", &x), row("a", &x)]));
+    assert!(
+        message.contains("no variable is named as a time") && message.contains("b, a"),
+        "{message}"
+    );
 }
 
 fn named(column: &str) -> TimeColumn {
@@ -350,7 +356,7 @@ fn named(column: &str) -> TimeColumn {
 }
 
 #[test]
-fn the_time_may_be_named() {
+fn the_time_variable_may_be_named() {
     let [t, x, p] = course();
     let fields = structure("s", &["clock", "stroke_mm"], &[vec![row("", &t), row("", &x)]]);
     let path = path("named.mat", &file(&[row("p_A_bar", &p), fields]));
@@ -358,12 +364,12 @@ fn the_time_may_be_named() {
         let log = read(&path, Some(&named(name))).unwrap();
         assert_eq!(log.headings(), "s.stroke_mm");
     }
-    let said = read(&path, Some(&named("nowhere"))).unwrap_err().to_string();
-    assert!(said.contains("nowhere") && said.contains("s.clock"), "{said}");
+    let message = read(&path, Some(&named("nowhere"))).unwrap_err().to_string();
+    assert!(message.contains("nowhere") && message.contains("s.clock"), "{message}");
 }
 
 #[test]
-fn a_file_that_is_cut_off_is_read_up_to_there() {
+fn a_truncated_file_is_read_up_to_its_end() {
     let [t, x, p] = course();
     let whole = file(&[row("t", &t), row("stroke_mm", &x), packed(&row("p_A_bar", &p))]);
     let log = log("cut_off.mat", &whole[..whole.len() - 20]);
@@ -372,9 +378,9 @@ fn a_file_that_is_cut_off_is_read_up_to_there() {
 }
 
 #[test]
-fn a_small_file_that_unpacks_to_much_is_refused() {
+fn a_small_file_that_decompresses_to_much_is_refused() {
     let bomb = packed(&doubles("x", &[1 << 15, 1 << 10], &vec![0.0; 1 << 25]));
     assert!(bomb.len() < 400_000);
-    let said = refused("bomb.mat", &file(&[bomb]));
-    assert!(said.contains("up to 20 million numbers"), "{said}");
+    let message = refused("bomb.mat", &file(&[bomb]));
+    assert!(message.contains("up to 20 million numbers"), "{message}");
 }

@@ -64,7 +64,7 @@ fn topics_with_the_same_fields_are_both_addressed_by_topic() {
 }
 
 #[test]
-fn nested_messages_are_flattened_and_fields_that_come_later_are_kept() {
+fn nested_messages_are_flattened_and_later_fields_are_kept() {
     let messages = course(20, |k| {
         let late = if k < 10 { String::new() } else { format!(", \"late_bar\": {k}") };
         format!(
@@ -99,7 +99,7 @@ fn a_nan_of_python_is_a_missing_sample_and_a_broken_message_is_counted() {
 }
 
 #[test]
-fn a_clock_that_is_set_back_begins_a_segment_and_strays_are_left_out() {
+fn a_clock_set_back_starts_a_segment_and_strays_are_left_out() {
     let mut messages = plain(900);
     for k in 0..900 {
         // the clock of the second half begins anew; one message of it comes late
@@ -207,7 +207,7 @@ fn ros_2_messages_are_read_by_their_schemas() {
 }
 
 #[test]
-fn what_is_not_read_is_named_with_its_encoding_and_schema() {
+fn unread_topics_are_named_with_encoding_and_schema() {
     let foreign = |encoding, schema| Channel { topic: "/crane", encoding, schema };
     let messages: Vec<_> = (0..5).map(|k| (0, EPOCH + k, vec![0, 1, 0, 0, 5])).collect();
     for (encoding, schema, wanted) in [
@@ -217,18 +217,18 @@ fn what_is_not_read_is_named_with_its_encoding_and_schema() {
         ("cdr", ("a/msg/B", "ros2msg", "float64 x"), "shorter than its schema says"),
         ("cdr", ("a/msg/B", "ros2msg", "Unknown x"), "does not say what a/Unknown is"),
     ] {
-        let said =
+        let message =
             refused("foreign.mcap", &file(options(), &[foreign(encoding, schema)], &messages));
-        assert!(said.contains("5 messages on /crane") && said.contains(wanted), "{said}");
+        assert!(message.contains("5 messages on /crane") && message.contains(wanted), "{message}");
     }
 }
 
 #[test]
-fn damage_is_told_and_what_is_whole_is_kept() {
+fn damaged_chunks_are_reported_and_intact_ones_kept() {
     let whole = file(options(), &[json("/crane")], &plain(500));
     let log = log("whole.mcap", &whole);
     assert_eq!(log.channels[0].values.len(), 500);
-    // wherever a byte in the data changes, no value does: it is missing, and that is said
+    // wherever a byte in the data changes, no value does: it is missing, and that is reported
     let packed = whole.windows(4).enumerate().filter(|(_, w)| *w == [0x28, 0xb5, 0x2f, 0xfd]);
     let chunks: Vec<usize> = packed.map(|(at, _)| at).collect();
     assert!(chunks.len() > 5);
@@ -254,28 +254,31 @@ fn damage_is_told_and_what_is_whole_is_kept() {
     assert!(log.remarks.iter().any(|r| r.contains("up to there")), "{:?}", log.remarks);
     let log = self::log("cut_off.mcap", &whole[..whole.len() / 2]);
     assert!(log.remarks.iter().any(|r| r.contains("cut off")), "{:?}", log.remarks);
-    let said = refused("eight.mcap", &whole[..8]);
-    assert!(said.contains("no topic has two messages") && said.contains("cut off"), "{said}");
+    let message = refused("eight.mcap", &whole[..8]);
+    assert!(
+        message.contains("no topic has two messages") && message.contains("cut off"),
+        "{message}"
+    );
     // messages outside of chunks have the file's checksum only
     let mut open = file(options().use_chunks(false), &[json("/crane")], &plain(50));
     assert_eq!(self::log("open.mcap", &open).channels[0].values.len(), 50);
     let five = open.windows(5).position(|w| w == b": 75,").unwrap();
     open[five + 2] = b'9';
-    let said = refused("open.mcap", &open);
-    assert!(said.contains("checksum"), "{said}");
+    let message = refused("open.mcap", &open);
+    assert!(message.contains("checksum"), "{message}");
 }
 
 #[test]
-fn a_chunk_that_says_to_be_large_takes_no_memory() {
+fn a_chunk_of_large_declared_size_takes_no_memory() {
     let small = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
     let packed = zstd::encode_all(&small[..], 3).unwrap();
-    let said = refused("bomb.mcap", &one_chunk("zstd", 3 << 30, 0, &packed));
-    assert!(said.contains("a chunk of 3072 MB") && said.contains("128 MB"), "{said}");
+    let message = refused("bomb.mcap", &one_chunk("zstd", 3 << 30, 0, &packed));
+    assert!(message.contains("a chunk of 3072 MB") && message.contains("128 MB"), "{message}");
     // one that is more than it says ends where that is
     let bomb = zstd::encode_all(std::io::repeat(0).take(64 << 20), 3).unwrap();
     assert!(bomb.len() < 100_000);
-    let said = refused("liar.mcap", &one_chunk("zstd", 1000, 0, &bomb));
-    assert!(said.contains("has not the 1000 bytes"), "{said}");
+    let message = refused("liar.mcap", &one_chunk("zstd", 1000, 0, &bomb));
+    assert!(message.contains("has not the 1000 bytes"), "{message}");
     // a record that is longer than the file
     let mut long = b"\x89MCAP0\r\n".to_vec();
     long.extend(&record(5, &[0; 30])[..20]);
@@ -283,7 +286,7 @@ fn a_chunk_that_says_to_be_large_takes_no_memory() {
 }
 
 #[test]
-fn chunks_are_read_however_they_are_packed() {
+fn chunks_are_read_with_every_compression() {
     use std::io::Write;
     let records = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
     let crc = crc32fast::hash(&records);
@@ -295,12 +298,12 @@ fn chunks_are_read_however_they_are_packed() {
         let log = log("packed.mcap", &one_chunk(compression, records.len() as u64, crc, packed));
         assert_eq!(log.channels[0].values, [1.0, 2.0], "{compression}");
     }
-    let said = refused("brotli.mcap", &one_chunk("brotli", 10, 0, &[0; 10]));
-    assert!(said.contains("brotli"), "{said}");
+    let message = refused("brotli.mcap", &one_chunk("brotli", 10, 0, &[0; 10]));
+    assert!(message.contains("brotli"), "{message}");
 }
 
 #[test]
-fn a_field_that_is_the_time_has_its_unit_by_its_name_or_its_numbers() {
+fn the_unit_of_a_time_field_follows_from_its_name_or_numbers() {
     let messages = course(200, |k| {
         format!(
             "{{\"timestamp\": {}, \"clock_us\": {}, \"x_mm\": {k}}}",
@@ -310,16 +313,17 @@ fn a_field_that_is_the_time_has_its_unit_by_its_name_or_its_numbers() {
     });
     let path = path("field.mcap", &file(options(), &[json("/crane")], &messages));
     let named = |column: &str| TimeColumn { column: Some(column.into()), ..TimeColumn::default() };
-    for (column, said) in [("timestamp", "milliseconds since 1970"), ("clock_us", "")] {
+    for (column, expected) in [("timestamp", "milliseconds since 1970"), ("clock_us", "")] {
         let log = read(&path, Some(&named(column))).unwrap();
         let time = &log.channel("x_mm").unwrap().time;
         assert_eq!(time.len(), 200);
         assert!((time[150] - 3.0).abs() < 1e-6, "{column}: {}", time[150]);
-        let is_said = log.remarks.iter().any(|r| r.contains("has no unit") && r.contains(said));
-        assert_eq!(is_said, !said.is_empty(), "{:?}", log.remarks);
+        let is_reported =
+            log.remarks.iter().any(|r| r.contains("has no unit") && r.contains(expected));
+        assert_eq!(is_reported, !expected.is_empty(), "{:?}", log.remarks);
     }
-    let said = read(&path, Some(&named("x_mm"))).unwrap_err().to_string();
-    assert!(said.contains("mm is a length, not a time"), "{said}");
+    let message = read(&path, Some(&named("x_mm"))).unwrap_err().to_string();
+    assert!(message.contains("mm is a length, not a time"), "{message}");
     // few messages are judged too
     let few = file(options(), &[json("/crane")], &messages[..3]);
     std::fs::write(&path, few).unwrap();
@@ -359,7 +363,7 @@ fn closed(records: &[Vec<u8>]) -> Vec<u8> {
 }
 
 #[test]
-fn a_large_attachment_is_passed_over() {
+fn a_large_attachment_is_skipped() {
     let messages = channel_and_messages("/crane", &[(0, "{\"x\": 1}")]);
     let message = |text: &str| {
         let times = PERIOD.to_le_bytes();
@@ -375,28 +379,28 @@ fn a_large_attachment_is_passed_over() {
     whole[at] ^= 1;
     assert!(refused("attached.mcap", &whole).contains("checksum"));
     whole.truncate(at);
-    let said = refused("attached.mcap", &whole);
-    assert!(said.contains("a record of 128 MB where 128 MB are the most"), "{said}");
+    let reported = refused("attached.mcap", &whole);
+    assert!(reported.contains("a record of 128 MB where 128 MB are the most"), "{reported}");
     std::fs::remove_file(path("attached.mcap", &[])).unwrap();
 }
 
 #[test]
-fn descriptions_are_bounded() {
+fn number_and_size_of_schemas_are_bounded() {
     let schema = |id: u16, size: usize| {
         let data = [(size as u32).to_le_bytes().to_vec(), vec![b'#'; size]].concat();
         record(3, &[id.to_le_bytes().to_vec(), text("a/msg/B"), text("ros2msg"), data].concat())
     };
     let many: Vec<Vec<u8>> = (1..=10_001).map(|id| schema(id, 0)).collect();
-    let said = refused("schemas.mcap", &closed(&many));
-    assert!(said.contains("more than 10000 schemas"), "{said}");
+    let message = refused("schemas.mcap", &closed(&many));
+    assert!(message.contains("more than 10000 schemas"), "{message}");
     let large: Vec<u8> = (1..=70).flat_map(|id| schema(id, 1 << 20)).collect();
     let packed = zstd::encode_all(&large[..], 3).unwrap();
-    let said = refused("schemas.mcap", &one_chunk("zstd", large.len() as u64, 0, &packed));
-    assert!(said.contains("more than 64 MB of schemas"), "{said}");
+    let message = refused("schemas.mcap", &one_chunk("zstd", large.len() as u64, 0, &packed));
+    assert!(message.contains("more than 64 MB of schemas"), "{message}");
 }
 
 #[test]
-fn each_loss_is_told_with_its_own_cause_and_time() {
+fn each_loss_is_reported_with_its_cause_and_time() {
     let magic = 8;
     let good = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
     // a message of a channel that is not described

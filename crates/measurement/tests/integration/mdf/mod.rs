@@ -54,7 +54,7 @@ fn is_as_expected(log: &Measurement, name: &str) {
 }
 
 #[test]
-fn every_way_of_packing_gives_the_same_numbers() {
+fn every_compression_gives_the_same_numbers() {
     for name in ["plain", "deflate", "transposed", "zstd", "transposed_lz4", "list", "packed_list"]
     {
         let log = read(&recorded(&format!("{name}.mf4")), None).unwrap();
@@ -71,7 +71,7 @@ fn every_way_of_packing_gives_the_same_numbers() {
 }
 
 #[test]
-fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
+fn conversions_states_and_invalid_samples_agree_with_asammdf() {
     let log = read(&recorded("conversions.mf4"), None).unwrap();
     is_as_expected(&log, "conversions.csv");
     for wanted in ["of varying length", "an array"] {
@@ -80,7 +80,7 @@ fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
 }
 
 #[test]
-fn ranges_and_values_that_are_converted_or_texts_are_those_of_asammdf() {
+fn range_and_value_conversions_agree_with_asammdf() {
     is_as_expected(&read(&recorded("parts.mf4"), None).unwrap(), "parts.csv");
 }
 
@@ -111,7 +111,7 @@ fn unsorted(file: &mut File) -> (u64, u64) {
 }
 
 #[test]
-fn records_that_lie_among_each_other_are_told_apart() {
+fn interleaved_records_are_separated() {
     let mut file = File::new("MDF     ", "4.10");
     let (group, data) = unsorted(&mut file);
     let log = read(&path("unsorted.mf4", &file.finish(group, data, 1)), None).unwrap();
@@ -122,7 +122,7 @@ fn records_that_lie_among_each_other_are_told_apart() {
 }
 
 #[test]
-fn a_recording_that_was_interrupted_is_read_as_far_as_it_goes() {
+fn an_interrupted_recording_is_read_to_its_end() {
     let mut file = File::new("UnFinMF ", "4.10");
     let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
     let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -149,18 +149,18 @@ fn another_channel_may_be_the_time() {
     let stroke = TimeColumn { unit: Unit::from_text("s").ok(), ..time("stroke") };
     let log = read(&recorded("plain.mf4"), Some(&stroke)).unwrap();
     assert_eq!(log.channel("p_A").unwrap().time[5], 55.0);
-    let said = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap_err().to_string();
-    assert!(said.contains("mm is a length, not a time"), "{said}");
-    let said = read(&recorded("plain.mf4"), Some(&time("nowhere"))).unwrap_err().to_string();
-    assert!(said.contains("nowhere") && said.contains("motor_speed"), "{said}");
+    let message = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap_err().to_string();
+    assert!(message.contains("mm is a length, not a time"), "{message}");
+    let message = read(&recorded("plain.mf4"), Some(&time("nowhere"))).unwrap_err().to_string();
+    assert!(message.contains("nowhere") && message.contains("motor_speed"), "{message}");
 }
 
 #[test]
-fn what_cannot_be_read_is_said() {
-    let said = refused("old.mf4", &File::new("MDF     ", "3.30").finish(0, 0, 0));
-    assert!(said.contains("version 3.30"), "{said}");
-    let said = refused("empty.mf4", &File::new("MDF     ", "4.10").finish(0, 0, 0));
-    assert!(said.contains("no signal"), "{said}");
+fn unreadable_files_and_channels_are_reported() {
+    let message = refused("old.mf4", &File::new("MDF     ", "3.30").finish(0, 0, 0));
+    assert!(message.contains("version 3.30"), "{message}");
+    let message = refused("empty.mf4", &File::new("MDF     ", "4.10").finish(0, 0, 0));
+    assert!(message.contains("no signal"), "{message}");
     assert!(refused("head.mf4", b"MDF     4.10    ").contains("no block"));
     // without a time, and with an angle in its place
     for (kind, sync, wanted) in [(0, 0, "has no time"), (2, 2, "sampled at an angle")] {
@@ -171,8 +171,8 @@ fn what_cannot_be_read_is_said() {
         file.bytes[sync_at] = sync;
         let group = file.group(0, channel, [0, 3, 9], false);
         let data = file.block("##DT", &[], &[0; 27]);
-        let said = refused("timeless.mf4", &file.finish(group, data, 0));
-        assert!(said.contains(wanted), "{said}");
+        let message = refused("timeless.mf4", &file.finish(group, data, 0));
+        assert!(message.contains(wanted), "{message}");
     }
     // what was whole is kept
     let whole = std::fs::read(recorded("list.mf4")).unwrap();
@@ -184,7 +184,7 @@ fn what_cannot_be_read_is_said() {
 }
 
 #[test]
-fn a_list_that_leads_into_itself_ends() {
+fn reading_a_cyclic_list_terminates() {
     let mut file = File::new("MDF     ", "4.10");
     let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
     let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -200,7 +200,7 @@ fn a_list_that_leads_into_itself_ends() {
 }
 
 #[test]
-fn a_packed_block_that_says_to_be_large_is_refused() {
+fn a_compressed_block_of_large_declared_size_is_refused() {
     let mut file = File::new("MDF     ", "4.10");
     let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
     let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -209,8 +209,8 @@ fn a_packed_block_that_says_to_be_large_is_refused() {
     packed.extend([3_u64 << 30, 8].iter().flat_map(|n| n.to_le_bytes()));
     packed.extend([0; 8]);
     let data = file.block("##DZ", &[], &packed);
-    let said = refused("bomb.mf4", &file.finish(group, data, 0));
-    assert!(said.contains("a packed block of 3072 MB"), "{said}");
+    let message = refused("bomb.mf4", &file.finish(group, data, 0));
+    assert!(message.contains("a packed block of 3072 MB"), "{message}");
 }
 
 /// A link of a channel is changed: 4 to its conversion, 6 to its unit.
@@ -250,7 +250,7 @@ fn with_a_clock(unit: &str) -> Vec<u8> {
 }
 
 #[test]
-fn what_a_mapping_says_of_the_time_is_for_groups_that_have_it() {
+fn a_mapped_time_applies_to_groups_that_contain_it() {
     let clock = TimeColumn { column: Some("clock".into()), ..TimeColumn::default() };
     // by its unit, as the mapping says, and by its numbers
     let milliseconds = TimeColumn { unit: Unit::from_text("ms").ok(), ..clock.clone() };
@@ -262,9 +262,9 @@ fn what_a_mapping_says_of_the_time_is_for_groups_that_have_it() {
         assert!(says("the group of p_A has no channel \"clock\""), "{:?}", log.remarks);
         assert_eq!(says("taken as ms"), unit.is_empty() && time.unit.is_none());
     }
-    let said =
+    let message =
         read(&path("clock.mf4", &with_a_clock("bar")), Some(&clock)).unwrap_err().to_string();
-    assert!(said.contains("bar is a pressure, not a time"), "{said}");
+    assert!(message.contains("bar is a pressure, not a time"), "{message}");
     // of the groups' own times a scale is for all
     let scaled = TimeColumn { scale: 0.5, ..TimeColumn::default() };
     let log = read(&path("clock.mf4", &with_a_clock("")), Some(&scaled)).unwrap();
@@ -272,7 +272,7 @@ fn what_a_mapping_says_of_the_time_is_for_groups_that_have_it() {
 }
 
 #[test]
-fn ranges_are_converted_each_in_its_own_way() {
+fn each_range_has_its_own_conversion() {
     let mut file = File::new("MDF     ", "4.10");
     let channel = file.channel(0, "p_A", "bar", [0, 0, 8, 16]);
     let with_time = file.channel(channel, "t", "s", [2, 4, 0, 64]);
@@ -306,7 +306,7 @@ fn three(change: impl FnOnce(&mut File, u64) -> Option<u64>) -> Vec<u8> {
 }
 
 #[test]
-fn what_is_wrong_with_one_part_costs_no_other() {
+fn an_error_in_one_part_does_not_affect_others() {
     // a unit that cannot be read is none that may be guessed
     let damaged = three(|file, stroke| {
         link(file, stroke, 6, 7);
@@ -327,8 +327,8 @@ fn what_is_wrong_with_one_part_costs_no_other() {
         assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
     }
     let by_columns = three(|file, _| Some(file.block("##LD", &[0, 0], &[0; 16])));
-    let said = refused("columns.mf4", &by_columns);
-    assert!(said.contains("stored by columns") && !said.contains("damaged"), "{said}");
+    let message = refused("columns.mf4", &by_columns);
+    assert!(message.contains("stored by columns") && !message.contains("damaged"), "{message}");
     let nested = three(|file, stroke| {
         let parts = |inner, _| {
             let outer = file.channel(0, "a", "", [0, 0, 8, 8]);
@@ -339,8 +339,8 @@ fn what_is_wrong_with_one_part_costs_no_other() {
         link(file, stroke, 1, parts);
         None
     });
-    let said = refused("nested.mf4", &nested);
-    assert!(said.contains("nested more than 8 deep"), "{said}");
+    let message = refused("nested.mf4", &nested);
+    assert!(message.contains("nested more than 8 deep"), "{message}");
     // as many links as leave no room for the address of what follows them
     let many = three(|file, _| {
         let data = file.block("##DT", &[], &[0; 27]);
@@ -354,7 +354,7 @@ fn what_is_wrong_with_one_part_costs_no_other() {
 
 /// A time that is counted, and one byte that never changes: four million records are packed into some hundred bytes.
 #[test]
-fn records_that_pack_well_are_all_read() {
+fn highly_compressed_records_are_all_read() {
     let count = 4_000_000_u64;
     let mut file = File::new("MDF     ", "4.20");
     let stroke = file.channel(0, "stroke", "mm", [0, 0, 0, 8]);

@@ -41,21 +41,23 @@ fn columns_of_numbers_are_read_with_their_time() {
 }
 
 #[test]
-fn a_file_without_a_time_is_refused_and_one_may_be_named() {
-    let said = read(&recorded("timeless.parquet"), None).unwrap_err().to_string();
+fn a_file_without_a_time_is_refused_unless_one_is_named() {
+    let message = read(&recorded("timeless.parquet"), None).unwrap_err().to_string();
     assert!(
-        said.contains("no column is a timestamp, a time of the day or named as a time")
-            && said.contains("numbers are: a"),
-        "{said}"
+        message.contains("no column is a timestamp, a time of the day or named as a time")
+            && message.contains("numbers are: a"),
+        "{message}"
     );
     let time = |column: &str| TimeColumn { column: Some(column.into()), ..TimeColumn::default() };
-    let said = read(&recorded("seconds.parquet"), Some(&time("stroke"))).unwrap_err().to_string();
-    assert!(said.contains("mm is a length, not a time"), "{said}");
+    let message =
+        read(&recorded("seconds.parquet"), Some(&time("stroke"))).unwrap_err().to_string();
+    assert!(message.contains("mm is a length, not a time"), "{message}");
     let stroke = TimeColumn { unit: Unit::from_text("s").ok(), ..time("stroke") };
     let log = read(&recorded("seconds.parquet"), Some(&stroke)).unwrap();
     assert_eq!(values(&log, "t")[5], 0.05);
-    let said = read(&recorded("seconds.parquet"), Some(&time("nowhere"))).unwrap_err().to_string();
-    assert!(said.contains("nowhere"), "{said}");
+    let message =
+        read(&recorded("seconds.parquet"), Some(&time("nowhere"))).unwrap_err().to_string();
+    assert!(message.contains("nowhere"), "{message}");
 }
 
 /// A file of one group of rows, written here; a cell may be missing where its column is optional.
@@ -95,7 +97,7 @@ fn all(of: impl Fn(i64) -> i64) -> Vec<Option<i64>> {
 }
 
 #[test]
-fn integers_without_a_sign_are_not_negative() {
+fn unsigned_integers_are_not_negative() {
     let path = written(
         "unsigned.parquet",
         "message log { required int64 time_ms; required int32 a (INTEGER(32,false)); required int64 b (UINT_64); required int32 c (INTEGER(32,true)); }",
@@ -108,7 +110,7 @@ fn integers_without_a_sign_are_not_negative() {
 }
 
 #[test]
-fn a_time_of_the_day_has_the_unit_that_the_file_says() {
+fn a_time_of_day_has_the_unit_stated_in_the_file() {
     // by their steps, 1 would be a second and 400 milliseconds
     for (kind, step, span) in
         [("int32 clock (TIME_MILLIS)", 1, 0.019), ("int64 clock (TIME(MICROS,true))", 400, 0.0076)]
