@@ -346,7 +346,8 @@ mod tests {
         assert!(fit.residual < 1e-7, "{}", fit.residual);
     }
 
-    /// A survey of a millimetre tells the sum of bending and base, and not each.
+    /// A survey with an accuracy of 1 mm determines the sum of bending and base compliance, and not
+    /// each of them.
     #[test]
     fn a_survey_determines_the_sum_of_bending_and_base_only() {
         let as_stated = tip_of(&crane()).unwrap();
@@ -375,7 +376,7 @@ mod tests {
         }
     }
 
-    /// File, line, column, what was read and what is allowed.
+    /// The message states file, line and column, what was read and what is allowed.
     #[test]
     fn bad_surveys_are_refused_with_file_and_line() {
         let good = survey(&tip_of(&crane()).unwrap().parameters, 1e-3).text();

@@ -145,7 +145,7 @@ mod tests {
         assert!((regulator.gain[0] - 2.0).abs() < 5e-3, "{regulator:?}");
     }
 
-    /// What is left over by the gain from any state is what the cost to go says: summed up along the closed loop.
+    /// The sum of the stage costs along the closed loop equals the cost to go of the initial state.
     #[test]
     fn the_cost_to_go_is_the_sum_of_stage_costs() {
         let a = [

@@ -53,7 +53,7 @@ mod tests {
         assert!((feedback - dot(&GAIN, &error)).abs() < 1e-12 && !saturates, "{feedback}");
     }
 
-    /// However far off the position is, a velocity still changes the command: what damps stays.
+    /// At any position error a velocity error still changes the command, so that damping remains.
     #[test]
     fn a_large_position_error_leaves_the_velocity_feedback() {
         let far = |velocity: f64| LIMITS.feedback(&GAIN, &[0.5, velocity, 0.0, 0.0]).0;
