@@ -151,8 +151,7 @@ mod tests {
     use crate::design_report::benchmark_loop;
     use crate::{LinearisedPlant, margins};
 
-    /// The paper tuned its benchmark on its crane. The method comes to about the same: no other controller than the
-    /// paper's.
+    /// The paper tuned its benchmark on its crane. The design method gives nearly the same gains.
     #[test]
     fn designed_gains_of_the_papers_crane_are_near_the_papers_gains() {
         let paper = Description::uia_single_boom().unwrap();
@@ -209,7 +208,7 @@ mod tests {
         }
     }
 
-    /// Gains that keep the margins with all payloads keep them with a part of these, which allows at least
+    /// Gains that meet the margins for all payloads meet them for some: a smaller range allows at least
     /// as much integral gain.
     #[test]
     fn a_smaller_payload_range_allows_no_lower_integral_gain() {
@@ -220,7 +219,7 @@ mod tests {
         assert!(one > 0.98 * some, "{one} and {some}");
     }
 
-    /// Of cranes whose margins would allow more: the position loop by itself stays damped.
+    /// On cranes whose margins would allow more integral gain, the position loop itself stays damped.
     #[test]
     fn the_integral_gain_leaves_the_position_loop_damped() {
         for set in ["payload.mass_kg=60", "payload.mass_kg=307"] {

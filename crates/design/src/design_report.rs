@@ -101,7 +101,7 @@ pub fn design_report(description: &Description, stroke: f64) -> Result<DesignRep
 mod tests {
     use super::*;
 
-    /// By the argument principle, not by distances, which an unstable loop has too.
+    /// Stability by the argument principle. A distance from −1 exists for an unstable loop as well.
     #[test]
     fn both_loops_are_stable_over_the_stroke() {
         let description = Description::uia_single_boom().unwrap();
@@ -115,8 +115,8 @@ mod tests {
         }
     }
 
-    /// A third of the payload makes the oil soft: with the paper's gains the benchmark is unstable around it, and an
-    /// unstable loop has no margins.
+    /// A third of the payload makes the oil soft. The benchmark with the paper's gains is then
+    /// unstable, and an unstable loop has no margins.
     #[test]
     fn an_unstable_loop_is_reported_without_margins() {
         let mut light = Description::uia_single_boom().unwrap();

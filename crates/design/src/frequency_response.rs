@@ -87,7 +87,8 @@ mod tests {
     use crate::LinearisedPlant;
     use hydroboom_description::Description;
 
-    /// By LU decomposition of s − A itself, for a crane whose pressures and angles differ by ten orders of magnitude.
+    /// Compared with an LU decomposition of s − A, for a crane whose pressures and angles differ by ten
+    /// orders of magnitude.
     #[test]
     fn the_frequency_response_equals_the_direct_solution() {
         let crane = LinearisedPlant::new(&Description::uia_virtual().unwrap(), 0.3).unwrap();

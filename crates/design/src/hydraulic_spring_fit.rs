@@ -164,8 +164,8 @@ mod tests {
     use super::*;
     use hydroboom_description::Description;
 
-    /// The piston stands still where the boom alone oscillates: the load does on the boom's compliance. Oil and boom
-    /// are springs in series, whose squares of periods add up to that of the linearised crane.
+    /// With the piston at rest the load oscillates on the compliance of the boom. Oil and boom are
+    /// springs in series: the squares of their periods add up to that of the linearised crane.
     #[test]
     fn oil_and_boom_are_springs_in_series() {
         let description = Description::uia_single_boom().unwrap();
@@ -176,7 +176,8 @@ mod tests {
         assert!((both / exact - 1.0).abs() < 0.02, "{both} Hz for {exact} Hz");
     }
 
-    /// With viscous friction that overdamps the load mode, mass and spring are those without friction.
+    /// Viscous friction that prevents any oscillation of the load on its oil does not change mass and
+    /// spring.
     #[test]
     fn the_spring_of_an_overdamped_load_is_fitted_too() {
         let mut crane = Description::uia_single_boom().unwrap();
@@ -192,8 +193,7 @@ mod tests {
         assert!((frequency / without - 1.0).abs() < 0.05, "{frequency} and {without} rad/s");
     }
 
-    /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike
-    /// change nothing.
+    /// Friction laws with the same slope during sliding give the same coefficients.
     #[test]
     fn sliding_bristles_do_not_change_the_spring() {
         let [one, other] = ["stribeck", "lugre"].map(|law| {

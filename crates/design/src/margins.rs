@@ -372,9 +372,9 @@ mod tests {
         Loop::Benchmark { controller, high_pass: 1.0, actuation }
     }
 
-    /// K ω²/(s² + 2 ζ ω s + ω²), by hand, with u = (w/ω)². The gain |L| is 1 where (1 − u)² + 4 ζ² u = K².
-    /// The distance |1 + L| is least where v = 1 − u solves v² + K v = 2 ζ² (2 + K). A resonance of ζ =
-    /// 0.001 is a tenth as wide as points of an even grid are apart.
+    /// Closed form for K ω²/(s² + 2 ζ ω s + ω²), with u = (w/ω)². The gain |L| is 1 where (1 − u)² + 4
+    /// ζ² u = K². The distance |1 + L| is least where v = 1 − u solves v² + K v = 2 ζ² (2 + K). For ζ =
+    /// 0.001 the resonance is ten times narrower than the spacing of an even grid.
     #[test]
     fn margins_at_a_lightly_damped_resonance_are_those_of_the_closed_form() {
         for (hz, zeta, k) in [(3.317, 1e-3, 0.01), (11.03, 1e-3, 0.004), (40.7, 1e-4, 0.02)] {
@@ -393,8 +393,8 @@ mod tests {
         }
     }
 
-    /// A loop whose gain is below one at all frequencies has no crossover: no phase margin, and as JSON null. Its
-    /// distance from −1 remains.
+    /// A loop whose gain is below one at all frequencies has no crossover. Its phase margin is absent,
+    /// and null in JSON; its distance from −1 remains.
     #[test]
     fn a_loop_without_crossover_has_no_phase_margin() {
         let (zeta, k) = (0.5, 0.1);
@@ -414,8 +414,8 @@ mod tests {
         assert!(unstable["modulus_margin"].is_null() && unstable["at_hz"].is_null(), "{unstable}");
     }
 
-    /// K ω²/(s (s² + 2 ζ ω s + ω²)) crosses the negative axis at ω, by K/(2 ζ ω): the gain margin is that one's
-    /// reciprocal, and beyond it the loop is unstable.
+    /// K ω²/(s (s² + 2 ζ ω s + ω²)) crosses the negative real axis at ω, at −K/(2 ζ ω). The gain margin
+    /// is the reciprocal of that magnitude; at a higher gain the loop is unstable.
     #[test]
     fn the_gain_margin_at_a_lightly_damped_resonance_is_where_the_loop_becomes_unstable() {
         let (omega, zeta) = (TAU * 7.77, 1e-3);

@@ -139,8 +139,8 @@ fn phase(
 mod tests {
     use super::*;
 
-    /// The oil's transition pressure shows where the pressure changes, and hardly at rest; position and pressure,
-    /// which are measured, everywhere.
+    /// The transition pressure of the oil is observable while the pressure changes, and hardly at rest.
+    /// Position and pressure are measured, and observable everywhere.
     #[test]
     fn the_oil_is_observable_in_motion_only() {
         let description = Description::uia_single_boom().unwrap();

@@ -198,7 +198,7 @@ mod tests {
         mean(|p| p.load.compliance);
     }
 
-    /// The crane oscillates with the square root of the oil's stiffness.
+    /// The natural frequency is proportional to the square root of the stiffness of the oil.
     #[test]
     fn soft_oil_lowers_the_natural_frequency() {
         let points = OperatingPoints::new(&Description::uia_single_boom().unwrap()).unwrap();

@@ -130,7 +130,7 @@ fn fit<const POWERS: usize>(
 mod tests {
     use super::*;
 
-    /// The polynomials at every operating point, against the points themselves.
+    /// The polynomials are compared with every operating point from which they were fitted.
     #[test]
     fn the_reduced_model_is_the_crane_at_its_operating_points() {
         let description = Description::uia_single_boom().unwrap();

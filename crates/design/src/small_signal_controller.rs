@@ -185,7 +185,7 @@ mod tests {
     use hydroboom_description::Description;
     use std::f64::consts::TAU;
 
-    /// The controller itself has small sines as input, until the transient has decayed.
+    /// The controller is excited by small sines until transients have decayed.
     #[test]
     fn the_small_signal_response_to_sines_is_the_controllers() {
         let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();

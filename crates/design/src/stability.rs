@@ -359,8 +359,9 @@ mod tests {
         assert!(scheduled_lqr_stability(&light, None).unwrap().stable);
     }
 
-    /// The law counts on the lags of drive and fieldbus, and leads too much where there are none: a payload at 9 m
-    /// leaves it no margin for that. The run on the ideal plant swings its motor at 22 Hz.
+    /// The law compensates the lags of drive and fieldbus, and its phase lead is too large where there
+    /// are none. A payload at 9 m leaves no margin for that. On the ideal plant the motor speed
+    /// oscillates at 22 Hz.
     #[test]
     fn stability_is_judged_with_the_equipment_in_the_loop() {
         let paper = Description::uia_single_boom().unwrap();
@@ -381,7 +382,7 @@ mod tests {
         assert_eq!(on_machine.equipment, Equipment::Plant);
     }
 
-    /// The delay that the identified lag of first order stands for is that of dead time and lag together.
+    /// The delay of the identified first-order lag equals that of dead time and lag together.
     #[test]
     fn an_identified_drive_has_its_dead_time() {
         let (paper, machine) =

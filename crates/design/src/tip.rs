@@ -50,8 +50,8 @@ mod tests {
     use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
     use hydroboom_control::estimation::tip::TipMemory;
 
-    /// The payload's mean begins anew with a load change, and with what is no number; what it is off the present
-    /// payload widens the bounds.
+    /// The mean of the payload restarts with a load change and with an invalid number. Its difference
+    /// from the present payload widens the bounds.
     #[test]
     fn the_payload_of_the_tip_is_a_mean_since_the_last_load_change() {
         let description = Description::uia_single_boom().unwrap();

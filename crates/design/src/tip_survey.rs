@@ -350,7 +350,8 @@ mod tests {
         assert!(fit.residual < 1e-7, "{}", fit.residual);
     }
 
-    /// A survey of a millimetre determines the sum of bending and base, not each.
+    /// A survey with an accuracy of 1 mm determines the sum of bending and base compliance, and not
+    /// each of them.
     #[test]
     fn a_survey_determines_the_sum_of_bending_and_base_only() {
         let as_stated = tip_of(&crane()).unwrap();
@@ -379,7 +380,7 @@ mod tests {
         }
     }
 
-    /// File, line, column, value and allowed values.
+    /// The message states file, line and column, what was read and what is allowed.
     #[test]
     fn bad_surveys_are_refused_with_file_and_line() {
         let good = survey(&tip_of(&crane()).unwrap().parameters, 1e-3).text();

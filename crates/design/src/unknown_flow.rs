@@ -82,7 +82,8 @@ fn on_published_circuit(description: &Description) -> Result<Description, Design
 mod tests {
     use super::*;
 
-    /// The fitted holding pressure is that of the valve-controlled crane at rest with its own payload.
+    /// The fitted holding pressure equals that of the valve-controlled crane at rest with its own
+    /// payload.
     #[test]
     fn the_load_rests_at_the_pressure_of_the_valve_controlled_crane() {
         let crane = Description::patu_lift().unwrap();

@@ -123,7 +123,8 @@ mod tests {
     use hydroboom_description::Description;
     use nalgebra::DMatrix;
 
-    /// An integrator whose loop has its crossover above the contour's end: the contour has not closed there.
+    /// An integrator whose loop has its crossover above the end of the contour: the Nyquist curve is
+    /// not closed there.
     #[test]
     fn a_loop_with_gain_at_the_end_of_the_contour_gives_no_pole_count() {
         let row = vec![1.0];
@@ -148,9 +149,9 @@ mod tests {
         assert!(error.contains("is no count of poles"), "{error}");
     }
 
-    /// Two oscillators at 1 and 2 Hz beside each other, of which feedback damps the first and drives the second:
-    /// without it the first grows, with it the second. Counted as closed loop less open loop they would make up for
-    /// each other.
+    /// Two oscillators at 1 and 2 Hz. Feedback damps the first and destabilises the second: without
+    /// feedback the first is unstable, with it the second. The difference in the number of unstable
+    /// poles between open and closed loop is zero.
     #[test]
     fn a_stabilised_mode_does_not_cancel_a_destabilised_one() {
         let (first, second, damping) = (TAU, 2.0 * TAU, 0.2);

@@ -70,7 +70,7 @@ fn reference(time: f64) -> SetPoint<f64> {
     }
 }
 
-/// The motor speed that inverse dynamics give moves the model along the reference: nothing else closes the loop.
+/// The motor speed from inverse dynamics moves the model along the reference without feedback.
 #[test]
 fn inverse_dynamics_move_the_model_along_the_reference() {
     let (estimator, _) = crane(1);
@@ -94,7 +94,8 @@ fn inverse_dynamics_move_the_model_along_the_reference() {
     assert!((z.position - at_rest(&model, 0.26, 250.0).position).abs() < 1e-3, "{z:?}");
 }
 
-/// On a machine that is the model with noise of the stated size, errors are of the size that the filter's covariance says: shares within two standard deviations.
+/// On a machine equal to the model with noise of the stated size, errors have the size of the filter's
+/// covariance. Shares within two standard deviations are compared.
 #[test]
 fn the_filter_is_consistent_on_its_own_model() {
     let (estimator, _) = crane(0);
@@ -107,7 +108,8 @@ fn the_filter_is_consistent_on_its_own_model() {
     assert!(mean < 0.985, "{shares:?}");
 }
 
-/// The same where friction, pump, equivalent mass and sensor lag of the machine are not those of the model: the error covariance says so.
+/// The same where friction, pump, equivalent mass and sensor lag of the machine differ from those of the
+/// model: the error covariance includes these differences.
 #[test]
 fn the_error_covariance_covers_parameter_errors() {
     let (estimator, _) = crane(0);
@@ -115,7 +117,8 @@ fn the_error_covariance_covers_parameter_errors() {
     assert!(shares.iter().all(|share| *share > 0.85), "{shares:?}");
 }
 
-/// Where every parameter is exact and no load changes, the error covariance is the filter's own: its gain is that of Kalman.
+/// Where every parameter is exact and the load is constant, the error covariance is the filter's own, and
+/// its gain is the Kalman gain.
 #[test]
 fn without_considered_parameters_the_error_covariance_is_the_filters_own() {
     let (estimator, _) = crane(0);
@@ -197,7 +200,8 @@ fn shares_within_two_deviations(filter: &ExtendedKalmanFilter<f64>) -> [f64; STA
     inside.map(|count| f64::from(count) / f64::from(total))
 }
 
-/// Signals that are not good change nothing, whatever they are; the estimates stay finite and go on by the model.
+/// Signals that are not good change nothing, at any value. The estimates stay finite and are predicted by
+/// the model.
 #[test]
 fn invalid_signals_do_not_update_the_estimates() {
     let (estimator, _) = crane(1);
@@ -238,8 +242,8 @@ fn smallest_eigenvalue<const N: usize>(p: &[[f64; N]; N]) -> f64 {
     all.symmetric_eigenvalues().min()
 }
 
-/// Parameters that were retained with a far smaller variance than the present one: both covariances stay positive semidefinite, and neither falls below what was
-/// retained while they are frozen.
+/// Parameters are restored with a far smaller variance than the present one. Both covariances stay positive
+/// semidefinite, and neither falls below the retained variance while the parameters are frozen.
 #[test]
 fn covariances_stay_valid_when_parameters_are_restored_or_frozen() {
     let (estimator, _) = crane(1);
@@ -286,7 +290,7 @@ fn covariances_stay_valid_when_parameters_are_restored_or_frozen() {
     assert!(RetainedParameters::of(&state).unknown_flow != retained.unknown_flow);
 }
 
-/// The law on the reduced model, estimator included: it rests, follows and rests again.
+/// Law and estimator on the reduced model: rest, motion and rest again.
 #[test]
 fn the_law_follows_the_reference_on_the_reduced_model() {
     for delay_cycles in [0, 1, 2, 20] {
@@ -337,14 +341,14 @@ fn the_law_follows_the_reference_on_the_reduced_model() {
     }
 }
 
-/// What a crane file may have as a delay of the fieldbus is what the estimator compensates.
+/// The largest fieldbus delay of a crane file is the largest delay that the estimator compensates.
 #[test]
 fn every_permitted_fieldbus_delay_is_compensated() {
     let key = KEYS.iter().find(|key| key.path() == "fieldbus.delay_cycles").unwrap();
     assert_eq!(key.high, LARGEST_DELAY as f64);
 }
 
-/// No number makes the law or the estimator yield what is no number, or more than the motor's speed.
+/// For any input, law and estimator give finite numbers, and commands within the speed limit of the motor.
 #[test]
 fn commands_stay_within_motor_limits_for_any_measurement() {
     let (estimator, law) = crane(1);
@@ -376,7 +380,8 @@ fn commands_stay_within_motor_limits_for_any_measurement() {
     }
 }
 
-/// One Riccati step a period comes to the settled regulator within two seconds, from nothing; so no period needs more than one.
+/// One Riccati step per period, starting from zero, converges to the settled regulator within two seconds.
+/// No period therefore needs more than one step.
 #[test]
 fn one_riccati_step_per_period_converges() {
     let (estimator, law) = crane(1);
@@ -396,7 +401,8 @@ fn one_riccati_step_per_period_converges() {
     }
 }
 
-/// A load that is taken off at once throws the piston up by more than feedback may command: with the rollout it is back sooner.
+/// A load that is removed at once displaces the piston by more than feedback may command. With the rollout
+/// it returns sooner.
 #[test]
 fn the_rollout_returns_a_displaced_piston_sooner() {
     let squares = |improvement: f64| {
@@ -434,7 +440,8 @@ fn the_rollout_returns_a_displaced_piston_sooner() {
     assert!(with < 0.9 * without, "{with} with, {without} without");
 }
 
-/// A piston that is found 60 mm from its reference: the governor leaves to feedback no more than its largest error, and the reference returns no faster than its velocity.
+/// A piston 60 mm from its reference: the governor leaves no more than its largest error to feedback, and
+/// the reference returns no faster than the governor's velocity.
 #[test]
 fn the_governor_moves_the_reference_towards_a_distant_piston() {
     let (estimator, law) = crane(0);

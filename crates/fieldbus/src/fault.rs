@@ -196,7 +196,7 @@ mod tests {
         assert!(at(&[0, 4, 9], 10), "three in ten");
         let mut window = LossWindow::new(2, 10);
         assert!(!(0..100).any(|k| window.take(k % 5 == 0)), "two in any ten");
-        // what it says of the next cycle is what the next cycle brings
+        // the prediction for the next cycle is right
         let mut window = LossWindow::new(2, 10);
         for k in 0..100 {
             let (is_used_up, mut next) = (window.is_used_up(), window.clone());

@@ -83,7 +83,7 @@ mod tests {
             options.extend(choice.arguments().iter().cloned());
             let played = Played::parse_from(options).machine.description().unwrap();
             assert_eq!(played.digest(), choice.machine.digest(), "{arguments:?}");
-            // model and machine have the same motion, for any machine
+            // model and machine have the same motion for any machine
             assert_eq!(choice.machine.numbers.motion_end, choice.model.numbers.motion_end);
         }
     }

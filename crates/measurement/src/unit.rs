@@ -286,7 +286,7 @@ mod tests {
         }
         let unknown = |text: &str| Unit::from_text(text).unwrap_err().to_string();
         assert_eq!(unknown("barr"), "\"barr\" is no known unit; the nearest is bar");
-        // not a gauge pressure, whatever the unit
+        // not a gauge pressure in any unit
         for text in ["kgf/cm2 (abs)", "Torr abs", "barr (absolute)"] {
             assert!(Unit::from_text(text).is_err(), "{text}");
         }

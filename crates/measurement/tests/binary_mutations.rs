@@ -1,4 +1,4 @@
-//! Damaged files of binary formats: whatever a file holds, it is read or refused, within seconds and bounded memory.
+//! Damaged files of binary formats: any file is read or refused, within seconds and bounded memory.
 //!
 //! 300 for each format; `HYDROBOOM_MUTATIONS=10000 cargo test -p hydroboom-measurement --release --test
 //! binary_mutations` tries more.

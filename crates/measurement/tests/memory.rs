@@ -40,7 +40,7 @@ fn written(name: &str, write: impl Fn(&Path)) -> PathBuf {
     path
 }
 
-/// The mean of a ramp stays, whatever its rows are averaged over.
+/// The mean of a ramp is kept at any number of averaged rows.
 fn is_averaged(path: &Path, rows: usize) {
     let log = read(path, None).unwrap();
     std::fs::remove_file(path).unwrap();

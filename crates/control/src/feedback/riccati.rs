@@ -147,7 +147,7 @@ mod tests {
         assert!((regulator.gain[0] - 2.0).abs() < 5e-3, "{regulator:?}");
     }
 
-    /// The cost along the closed loop, from any state, equals the cost to go.
+    /// The sum of the stage costs along the closed loop equals the cost to go of the initial state.
     #[test]
     fn the_cost_to_go_is_the_sum_of_stage_costs() {
         let a = [

@@ -56,7 +56,7 @@ mod tests {
         assert!((feedback - dot(&GAIN, &error)).abs() < 1e-12 && !saturates, "{feedback}");
     }
 
-    /// For any position error a velocity still changes the command: damping remains.
+    /// At any position error a velocity error still changes the command, so that damping remains.
     #[test]
     fn a_large_position_error_leaves_the_velocity_feedback() {
         let far = |velocity: f64| LIMITS.feedback(&GAIN, &[0.5, velocity, 0.0, 0.0]).0;

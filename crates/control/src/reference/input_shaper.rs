@@ -106,8 +106,7 @@ mod tests {
     use super::*;
     use crate::reference::profile::{OutAndBack, RampShape};
 
-    /// Largest residual amplitude after the motion of a pendulum of 2.5 Hz whose support follows a
-    /// trajectory, in millimetres.
+    /// Residual vibration after the motion of a pendulum of 2.5 Hz whose support follows a trajectory, in millimetres.
     fn residual_vibration(trajectory: &impl Trajectory, frequency: f64, damping: f64) -> f64 {
         let (w, step) = (core::f64::consts::TAU * frequency, 1e-4);
         let (mut swing, mut rate, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64);
@@ -140,7 +139,7 @@ mod tests {
         assert!(residual_vibration(&twice, 2.5, 0.02) < 0.01 * plain);
         let thrice = ShapedTrajectory::zvd(motion(), 2.5, 0.02);
         assert!(residual_vibration(&thrice, 2.5, 0.02) < 0.01 * plain);
-        // a tenth beside
+        // natural frequency 10 % higher than assumed
         let beside =
             [residual_vibration(&twice, 2.75, 0.02), residual_vibration(&thrice, 2.75, 0.02)];
         assert!(beside[1] < 0.5 * beside[0], "{beside:?}");

@@ -217,7 +217,7 @@ impl Cause {
 mod tests {
     use super::*;
 
-    /// Programs on machines know these numbers: a new cause comes last.
+    /// Programs on machines depend on these numbers: a new cause is appended.
     #[test]
     fn status_numbers_of_causes_match_the_documentation() {
         let text = include_str!("../../../../docs/reference/export-controllers.md");

@@ -218,7 +218,7 @@ mod tests {
         }
         assert_eq!(found(|t| -9e-3 + 2e-3 * t.min(4.5), |_| true), None);
         assert_eq!(found(|t| 0.1 * swing(t, 2.0), |_| true), None);
-        // friction lets go now and then
+        // stick-slip
         assert_eq!(found(|t| if t % 5.0 < 2.5 { 5e-3 } else { -1e-3 }, |_| true), None);
     }
 

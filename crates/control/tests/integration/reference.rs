@@ -13,7 +13,7 @@ fn motion(speed: f64) -> OutAndBack<f64> {
     OutAndBack { start: 0.05, end: 0.45, speed, ramp: 0.5, dwell: 1.0, rest: 1.5, profile }
 }
 
-/// A preview that was moved on period by period is that of the trajectory then.
+/// A preview that was advanced in each period equals the trajectory at that time.
 #[test]
 fn a_preview_advances_with_the_trajectory() {
     let motion = motion(0.12);
@@ -47,7 +47,7 @@ fn without_preview_the_reference_keeps_its_velocity() {
     assert!((preview.at(-0.02).position - (now - 2e-3)).abs() < 1e-12, "the past stays");
 }
 
-/// A quadratic is its own moving average but for a constant, a²/24 of the window: no phase.
+/// The moving average of a parabola differs from it by a constant only, a²/24 of the window: zero phase.
 #[test]
 fn smoothing_has_zero_phase() {
     let acceleration = 0.4;
@@ -65,7 +65,8 @@ fn smoothing_has_zero_phase() {
     assert!((smooth.position - wanted.position - lifted).abs() < 0.05 * lifted);
 }
 
-/// The smoothed velocity is the derivative of the smoothed position, and acceleration that of velocity, along ramps too.
+/// The smoothed velocity is the derivative of the smoothed position, and the acceleration that of the
+/// velocity, along ramps as well.
 #[test]
 fn smoothed_velocity_and_acceleration_are_derivatives() {
     let motion = motion(0.12);
@@ -110,7 +111,8 @@ fn a_trajectory_within_the_speed_limit_is_unchanged() {
     assert!(ahead < 1e-9 && behind > -1e-9, "{ahead} {behind}");
 }
 
-/// Faster than the limit: the limit is kept, and what it is ahead at first is about what it is behind in the end.
+/// A reference above the speed limit: the limit is met, and the initial lead is about equal to the final
+/// lag.
 #[test]
 fn a_trajectory_beyond_the_speed_limit_starts_earlier() {
     let (largest, ahead, behind) = limited(0.2, 0.14);

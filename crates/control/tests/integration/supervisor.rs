@@ -1,4 +1,4 @@
-//! What the supervisor promises, whatever it is shown and asked.
+//! Promises of the supervisor for any observation and any request.
 
 use crate::machine::{Machine, limits};
 use hydroboom_control::supervision::fault::Cause;
@@ -99,7 +99,8 @@ const REQUESTS: [Request; 7] = [
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Stretches of anything: how long, what is asked at first and then, what is wrong, how time passes.
+    /// Random intervals: duration, request at the beginning and afterwards, fault, and elapsed time per
+    /// call.
     #[test]
     fn release_needs_a_proof_and_leaving_a_fault_an_operators_reset(
         stretches in prop::collection::vec(
@@ -225,7 +226,7 @@ fn every_fault_has_a_cause_and_reaches_the_safe_state_in_time() {
     }
 }
 
-/// A harder cause takes the place of a softer reaction, at any time of it.
+/// A more severe cause replaces a milder reaction at any time.
 #[test]
 fn no_fault_hides_a_more_severe_one() {
     let l = limits();
@@ -282,7 +283,7 @@ fn the_load_is_not_released_onto_an_empty_pump_side() {
     assert_eq!(rig.machine.stroke, held);
 }
 
-/// With the load falling onto an empty pump side where it is released without proof, it does not fall.
+/// A load that would fall onto an empty pump side if released without proof does not fall.
 #[test]
 fn a_released_load_does_not_fall() {
     let mut rig = Rig::brought_to(State::Holding);
@@ -297,7 +298,8 @@ fn a_released_load_does_not_fall() {
     assert!(highest - held < 1e-3, "lifted by {} m", highest - held);
 }
 
-/// The process stood still while it lowered: the drive's watchdog has held the load, and it stays held.
+/// The process was suspended while lowering. The watchdog of the drive has held the load, and it stays
+/// held.
 #[test]
 fn after_a_lost_watchdog_interval_the_load_stays_held() {
     for gap in [0.021, 0.06, 0.3, 0.9] {
@@ -377,13 +379,13 @@ fn every_state_reports_what_it_waits_for_and_times_out() {
     assert_eq!(rig.now.waiting, Waiting::Operator);
 }
 
-/// A load that creeps in Fault keeps it from being reset until it stays, and then no longer.
+/// A load that creeps in Fault prevents a reset until it rests, and no longer.
 #[test]
 fn a_creeping_held_load_prevents_a_reset_until_it_rests() {
     let mut rig = Rig::brought_to(State::Moving);
     rig.well(Request::EmergencyStop);
     (0..2000).for_each(|_| rig.well(Request::None));
-    // slower than a load that swings, 5 mm in a second, and asked to be reset all the time
+    // slower than an oscillating load, 5 mm in a second, with a reset requested in every period
     for _ in 0..1000 {
         rig.machine.stroke -= 5e-6;
         rig.well(Request::Reset);

@@ -93,7 +93,7 @@ fn an_error_points_at_its_line_and_value() {
     assert_eq!(line(shown, span.offset()), line(&text, text.find("value = -3,").unwrap()));
 }
 
-/// A line without end and a thousand mistakes give messages of bounded length.
+/// An endless line and a thousand mistakes give messages of bounded length.
 #[test]
 fn an_error_message_fits_on_a_screen() {
     let lines = "wrong = 1\n".repeat(10_000);
@@ -145,7 +145,8 @@ fn impossible_machines_are_refused() {
     }
 }
 
-/// A pump that delivers 91 % of what it displaces has to turn faster for the same speed of the piston; computed delivery has no such factor.
+/// A pump that delivers 91 % of its displacement must turn faster for the same piston velocity. Computed
+/// delivery has no such factor.
 #[test]
 fn the_required_motor_speed_includes_the_pumps_flow_gain() {
     let mut crane = Description::uia_single_boom().unwrap();
@@ -178,7 +179,7 @@ fn truncated_binary_and_huge_files_are_refused() {
     refused(&"# padding\n".repeat(200_000));
 }
 
-/// Keys of model following are refused with what replaced them, in a file and as overrides.
+/// Keys of model following are refused with their successors, in a file and as overrides.
 #[test]
 fn replaced_keys_are_refused_with_their_successors() {
     let text = format!("{UIA_SINGLE_BOOM}\n[following]\nbandwidth_hz = 2.0\n");

@@ -1,4 +1,4 @@
-//! Each state change that a drive refuses, and each reason for which it leaves OP, with the code that tells it.
+//! Each state change that a drive refuses, and each reason for which it leaves OP, with its AL status code.
 
 mod bare_main_device;
 

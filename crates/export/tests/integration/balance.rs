@@ -1,4 +1,4 @@
-//! Newton's step in a fixed order of elimination beside the solve with row exchanges, for booms of any make.
+//! Newton's step with a fixed order of elimination compared with row exchanges, for different booms.
 
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;

@@ -1,4 +1,4 @@
-//! Generated C beside the Rust that it was recorded from.
+//! Generated C compared with the Rust from which it was recorded.
 
 use crate::course::inputs;
 use hydroboom_description::Description;

@@ -55,7 +55,7 @@ fn bounds_refuses_wrong_payloads_speeds_and_scenarios() {
         all.extend(arguments);
         fails_with(&hydroboom(&all), expected);
     }
-    // an override of the motion applies to the course, whatever the plant is
+    // an override of the motion applies to the course for any plant
     let shorter = ["bounds", "--speed-mm-s", "0.5", "--set", "motion.end_mm=300"];
     fails_with(&hydroboom(&shorter), "takes 1011 s");
     let plant = ["bounds", "--plant", "../../cranes/half-mass.toml", "--payload-kg", "200:300"];

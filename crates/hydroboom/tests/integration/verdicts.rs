@@ -136,7 +136,7 @@ fn linearise_reports_the_dead_band_and_proposes_a_point_outside() {
     };
     let ratio = growth("5") / growth("10");
     assert!((ratio - 2.0).abs() < 0.1, "{ratio}");
-    // a second after the motor's start the load still rings: the poles are of an instant
+    // one second after the motor's start the load still oscillates: the poles apply to one instant
     assert!(there["remark"].as_str().unwrap().contains("The motion is not steady"), "{there}");
     let swing = there["pressure_change_bar"].as_f64().unwrap();
     assert!(swing > 0.02 * there["pressure_a_bar"].as_f64().unwrap(), "{there}");
@@ -195,7 +195,7 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     };
     let pairs = rms("benchmark-closed-loop").into_iter().zip(rms("velocity-feedforward"));
     pairs.for_each(|(tuned, without)| assert!(tuned < 0.5 * without, "{tuned} mm"));
-    // the paper's crane keeps the paper's gains, whatever the plant is
+    // the paper's crane keeps the paper's gains for any plant
     let json = parsed(&["motion", "--plant-set", "payload.mass_kg=330", "--json"]);
     assert_eq!(json["benchmark_gains"]["proportional_per_s"], 4.5);
     assert!(json["remark_on_gains"].is_null());

@@ -31,7 +31,7 @@ fn tuned(model: &Description, truth: &Description, seed: u64) -> Fit {
     fit(&task, &|_| true).unwrap()
 }
 
-/// The flag stops the simulation itself, and a fit that is never told to stop by its caller.
+/// The flag stops the simulation itself, also in a fit whose caller never requests a stop.
 #[test]
 fn a_flag_stops_a_fit_within_its_simulations() {
     let model = Description::uia_single_boom().unwrap();
@@ -140,7 +140,7 @@ fn a_key_without_effect_on_the_log_is_not_determined() {
     let of = |path: &str| found.tuned.iter().find(|t| t.key.path() == path).unwrap();
     assert!(of("pump.flow_gain").is_determined());
     let damping = of("boom.damping_ratio");
-    // a thousandth of critical damping, beside the cylinder's friction
+    // a thousandth of critical damping, in addition to the cylinder's friction
     assert!(!damping.is_determined(), "{damping:?}");
     assert!((damping.value.1 / damping.value.0).ln().abs() < 2.0 * damping.prior);
 }

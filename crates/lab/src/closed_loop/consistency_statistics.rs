@@ -320,7 +320,7 @@ mod tests {
     fn a_window_with_a_load_change_is_excluded() {
         let mut run = Innovations::new(100, 2..=20);
         for k in 0..1000 {
-            // windows 3 and 7 are excluded, whatever their innovations
+            // windows 3 and 7 are excluded at any innovations
             let counts = k != 350 && k / 100 != 7;
             run.add(counts.then_some(if k / 100 == 3 { 30.0 } else { 1.0 }));
         }

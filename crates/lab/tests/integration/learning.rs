@@ -104,8 +104,9 @@ fn cycles_before_an_interruption_are_kept() {
     assert_eq!(run, [Method::ClosedLoop, Method::NominalModel]);
 }
 
-/// Out by 50 mm and back by 30 mm, whatever rests are between: the crane's own motion of 400 mm needs 40 mm each way. A log that is refused is not fitted; one that
-/// moves enough is looked at further, and lacks the motor's speed here.
+/// Out by 50 mm and back by 30 mm, with any rests between: the crane's own motion of 400 mm needs 40 mm each
+/// way. A refused log is not fitted. A log with enough motion is checked further; here it lacks the motor's
+/// speed.
 #[test]
 fn a_log_whose_piston_hardly_moves_is_refused_with_its_travel() {
     let mut model = Description::uia_single_boom().unwrap();

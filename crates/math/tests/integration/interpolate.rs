@@ -29,7 +29,7 @@ fn a_table_is_linear_between_its_entries_and_constant_beyond_its_ends() {
     assert_eq!(f64::interpolate(&[2.0], 5.0), 2.0);
 }
 
-/// Derivatives by an entry and by the index.
+/// Derivatives with respect to an entry and to the index.
 #[test]
 fn the_slope_is_that_of_the_line_between_two_entries() {
     let table = TABLE.map(Dual::<f64, 1>::constant);

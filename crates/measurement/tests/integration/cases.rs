@@ -561,7 +561,7 @@ fn an_ambiguous_column_name_is_refused() {
     assert!(error.contains("3 columns are called"), "{error}");
 }
 
-/// The files themselves: not in the project, because they are large.
+/// The files are not part of the project, because they are large.
 #[test]
 fn each_file_of_the_folder_is_read_correctly_or_refused() {
     let Some(folder) = std::env::var_os("HYDROBOOM_CASES").map(PathBuf::from) else { return };

@@ -296,7 +296,7 @@ proptest::proptest! {
         cases: 200, failure_persistence: None, ..Default::default()
     })]
 
-    /// Whatever a file holds, it is read or refused; nothing panics.
+    /// Any file is read or refused without a panic.
     #[test]
     fn any_bytes_are_read_or_refused(bytes in proptest::collection::vec(proptest::prelude::any::<u8>(), 0..400)) {
         let _ = read(&file("any.csv", &bytes), None);
@@ -312,7 +312,7 @@ proptest::proptest! {
         }
     }
 
-    /// Rows of odd shapes and signs.
+    /// Rows of irregular length with unusual signs.
     #[test]
     fn any_table_is_read_or_refused(
         rows in proptest::collection::vec("[0-9eE+.,;\\t\" -]{0,30}", 0..30)

@@ -75,7 +75,7 @@ fn impossible_single_samples_are_removed_and_others_kept() {
     assert_eq!(signals.get(Signal::Stroke).unwrap().values().len(), 599);
 }
 
-/// A unit that is another is none of single samples.
+/// A signal in another unit is not an error of single samples.
 #[test]
 fn a_signal_in_another_unit_keeps_its_samples() {
     let mut log = log("unit.csv", |_, row| row.pressures[0] *= 1e5);
@@ -84,7 +84,8 @@ fn a_signal_in_another_unit_keeps_its_samples() {
     assert!(mapping.suspicions(&log, STROKE, MOTOR_SPEED)[0].text.contains("is it in Pa"));
 }
 
-/// A pressure that goes below vacuum by its offset: no unit makes that of what is there. One in another unit agrees with the pressure beside it in that unit.
+/// A pressure is below vacuum because of its offset: no unit explains the values. A pressure in another
+/// unit agrees with the adjacent pressure in that unit.
 #[test]
 fn a_pressure_below_vacuum_is_an_offset_and_no_wrong_unit() {
     let low = |k: usize| if k < 100 { 2.5 } else { 71.0 };
@@ -118,7 +119,7 @@ fn other_columns_that_may_be_a_signal_are_named() {
     assert!(message.contains(&format!("\"{}\" may be x_cyl too", other.heading)), "{message}");
 }
 
-/// The line to the tank has no pressure, and is right so.
+/// The line to the tank is without pressure, which is correct.
 #[test]
 fn a_tank_line_without_pressure_is_not_suspected() {
     let path = folder(module_path!()).join("tank.csv");

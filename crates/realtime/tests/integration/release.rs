@@ -201,7 +201,7 @@ fn a_load_that_cannot_be_lifted_is_refused() {
     assert!(released.dropped < 1e-3, "{released:?}");
 }
 
-/// With pressure trapped on the rod side, the spring-up of a released load keeps to its limit.
+/// With pressure trapped on the rod side, the spring-up of a released load stays within its limit.
 #[test]
 fn a_load_with_pressure_on_its_rod_side_springs_no_further_than_allowed() {
     let model = Description::uia_single_boom().unwrap();

@@ -102,7 +102,7 @@ fn a_nan_of_python_is_a_missing_sample_and_a_broken_message_is_counted() {
 fn a_clock_set_back_starts_a_segment_and_strays_are_left_out() {
     let mut messages = plain(900);
     for k in 0..900 {
-        // the clock of the second half begins anew; one message of it comes late
+        // the clock of the second half restarts; one of its messages arrives late
         let time = EPOCH + if k == 500 { 0 } else { k } * PERIOD;
         messages.push((0, time, format!("{{\"stroke_mm\": {}}}", 950 + k).into_bytes()));
     }

@@ -229,7 +229,7 @@ fn conversion(file: &mut File, way: u8, values: &[f64], references: &[u64]) -> u
     file.block("##CC", &[&[0; 4], references].concat(), &data)
 }
 
-/// Two groups: one with a clock of 16 bits beside its own time, one without.
+/// Two groups: one with a clock of 16 bits in addition to its own time, one without.
 fn with_a_clock(unit: &str) -> Vec<u8> {
     let mut file = File::new("MDF     ", "4.10");
     let slow = file.channel(0, "p_A", "bar", [0, 0, 8, 8]);
@@ -352,7 +352,8 @@ fn an_error_in_one_part_does_not_affect_others() {
     assert!(refused("links.mf4", &many).contains("no signal"));
 }
 
-/// A time that is counted, and one byte that never changes: four million records are packed into some hundred bytes.
+/// A time given by the record index, and one byte that never changes: four million records are compressed
+/// into some hundred bytes.
 #[test]
 fn highly_compressed_records_are_all_read() {
     let count = 4_000_000_u64;
