@@ -33,6 +33,7 @@ mod spread;
 
 pub use build::BuildError;
 pub use difference::{Difference, by_weight, is_of_machine};
+pub use digest::digest_of;
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
 pub use parse::suggestion;

@@ -93,6 +93,12 @@ pub trait Machine: Send {
     fn read(&mut self) -> Option<Incoming>;
     /// Sends a command with its sequence number, which increases with every command.
     fn write(&mut self, sequence: u64, outgoing: &Outgoing);
+    /// Lets nothing be sent to the machine until the next command, so that its own watchdog acts. Only commissioning
+    /// does that.
+    fn withhold(&mut self) {}
+    /// A person has removed the cause of a fault and confirmed that. For attachments that keep a fault of their own;
+    /// never called by a program on its own.
+    fn reset_by_a_person(&mut self) {}
     /// When the control period begins that is due at a time of the monotonic clock \[ns\]: another time than that, by
     /// half a period at most, where the machine samples by a clock of its own that control is to follow.
     fn release(&self, due: u64) -> u64 {

@@ -65,6 +65,8 @@ pub struct Settings {
     pub name: String,
     /// Identity.
     pub identity: Identity,
+    /// Version of its software (0x100A), at most 64 ASCII characters.
+    pub software: String,
     /// Mailboxes for requests and answers; none for a device without CoE.
     pub mailbox: Option<[Area; 2]>,
     /// Outputs, from the main device; none where there are none.
@@ -89,6 +91,7 @@ impl Settings {
         Self {
             name: name.into(),
             identity,
+            software: "1.0".into(),
             mailbox: None,
             outputs: None,
             inputs: None,

@@ -6,6 +6,7 @@ use crate::crane_file::{CraneFile, text as text_of};
 use crate::output;
 use hydroboom_description::Description;
 use hydroboom_fieldbus::bus_task::{BusReport, BusThread, Started};
+use hydroboom_fieldbus::check::DeviceFacts;
 use hydroboom_fieldbus::machine::MachineState;
 use hydroboom_fieldbus::raw_socket::RawSocket;
 use hydroboom_fieldbus::table::Table;
@@ -55,7 +56,13 @@ pub fn open(interface: &str) -> Result<RawSocket> {
 }
 
 /// Starts the bus at an interface that is open; with what is to be logged of it.
-pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attached, BusLog)> {
+/// Moving it is refused where `demand` refuses what the devices say of themselves.
+pub fn start(
+    interface: &str,
+    table: Table,
+    socket: RawSocket,
+    demand: impl FnOnce(&Table, &[DeviceFacts]) -> Result<()>,
+) -> Result<(Attached, BusLog)> {
     let delay = table.bus.delay();
     let about = table.clone();
     let core = Placement::default().control_core;
@@ -76,6 +83,8 @@ pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attach
             sentence.unwrap_or_default()
         ));
     }
+    // refused, the thread ends the bus when it is dropped
+    demand(&about, &facts)?;
     Ok((Attached::OnFieldbus(thread, Box::new(machine)), BusLog::new(about, records)))
 }
 

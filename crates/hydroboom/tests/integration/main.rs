@@ -4,6 +4,7 @@
 
 mod bounds;
 mod commands;
+mod commission;
 mod dashboard;
 mod export;
 mod files_out;
