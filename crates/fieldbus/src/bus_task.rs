@@ -154,7 +154,7 @@ fn run<L: Link>(
             Ok(bus) => bus,
             Err(error) => {
                 // control finds that no measurement comes
-                remarks.push(format!("the bus did not start again: {error}"));
+                eprintln!("the bus did not start again: {error}");
                 return None;
             }
         };
