@@ -35,11 +35,16 @@ impl Description {
         lines.sort_unstable();
         let whole: f64 = self.segment_shares.iter().sum();
         lines.extend(self.segment_shares.iter().map(|share| format!("{:.12e}", share / whole)));
-        let mut text = String::new();
-        for byte in Sha256::digest(lines.join("\n").as_bytes()) {
-            // writing to a String cannot fail
-            let _ = write!(text, "{byte:02x}");
-        }
-        text
+        digest_of(&lines.join("\n"))
     }
+}
+
+/// SHA-256 of a text, as 64 hexadecimal digits.
+pub fn digest_of(text: &str) -> String {
+    let mut digits = String::new();
+    for byte in Sha256::digest(text.as_bytes()) {
+        // writing to a String cannot fail
+        let _ = write!(digits, "{byte:02x}");
+    }
+    digits
 }

@@ -37,6 +37,7 @@ mod suggestion;
 
 pub use build::BuildError;
 pub use difference::{Difference, by_weight, is_of_machine};
+pub use digest::digest_of;
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
 pub use placeholder::{PLACEHOLDER, as_placeholders};

@@ -43,6 +43,8 @@ const AVERAGED: f64 = 256.0;
 const RECORDS: usize = 4096;
 /// State INIT, as it is requested.
 const INIT: u8 = 1;
+/// State OP in records.
+const OP: u8 = 8;
 /// Frames by which devices are told to go to INIT, where the ones before were lost.
 const TRIES: u32 = 3;
 /// Time for which drives are waited for to switch off before the bus ends, after they may have braked \[ns\].
@@ -128,6 +130,8 @@ pub struct Bus<L> {
     dropped: Option<u16>,
     /// Whether drives are being switched off for good.
     is_ending: bool,
+    /// Whether a person has reset a fault that devices come back from by a restart only.
+    is_restart_due: bool,
     record: CycleRecord,
     /// Where records go; none where nobody asked for them.
     records: Option<Producer<CycleRecord>>,
@@ -193,6 +197,7 @@ impl<L: Link> Bus<L> {
             counters: Counters::default(),
             dropped: None,
             is_ending: false,
+            is_restart_due: false,
             record: CycleRecord::default(),
             records: None,
         }
@@ -332,6 +337,12 @@ impl<L: Link> Bus<L> {
         }
     }
 
+    /// Whether a person has reset a fault that devices come back from by
+    /// [`restart_by_a_person`](Self::restart_by_a_person) only.
+    pub fn is_restart_due(&self) -> bool {
+        self.is_restart_due
+    }
+
     /// Starts anew from INIT after a fault that devices do not come back from by themselves: a person has mended the
     /// cause.
     ///
@@ -356,6 +367,12 @@ impl<L: Link> Bus<L> {
             }
         }
         let sent = now();
+        if self.side.is_withheld() {
+            // the devices' watchdogs are being tried: as where the cable is broken
+            self.pace.see(sent, None);
+            self.cycle.is_lost = true;
+            return false;
+        }
         self.counters.exchanges += 1;
         let is_late = sent.saturating_sub(due) > self.table.bus.period / 2;
         self.counters.late_begins += u64::from(is_late);
@@ -563,7 +580,9 @@ impl<L: Link> Bus<L> {
             return;
         }
         let Some((fault, _)) = self.fault else { return };
-        if matches!(fault, Fault::StateDropped { .. } | Fault::DeviceSilent { .. }) {
+        let is_away = self.record.states.iter().take(self.facts.len()).any(|state| *state != OP);
+        if is_away || matches!(fault, Fault::StateDropped { .. } | Fault::DeviceSilent { .. }) {
+            self.is_restart_due = true;
             return;
         }
         self.fault = None;

@@ -134,14 +134,30 @@ fn run<L: Link>(
     let machine = bus.take_machine()?;
     let records = bus.records();
     let _ = started.send(Ok((machine, bus.facts().to_vec(), records)));
-    let cycle = guarded(|| {
-        while !stop.load(Ordering::Acquire) {
-            bus.cycle();
+    loop {
+        let cycle = guarded(|| {
+            while !stop.load(Ordering::Acquire) && !bus.is_restart_due() {
+                bus.cycle();
+            }
+            if !bus.is_restart_due() {
+                bus.end();
+            }
+        });
+        if let Err(why) = cycle {
+            remarks.push(format!("the bus task failed, and the devices' watchdogs acted: {why}"));
+            break;
         }
-        bus.end();
-    });
-    if let Err(why) = cycle {
-        remarks.push(format!("the bus task failed, and the devices' watchdogs acted: {why}"));
+        if !bus.is_restart_due() {
+            break;
+        }
+        bus = match bus.restart_by_a_person() {
+            Ok(bus) => bus,
+            Err(error) => {
+                // control finds that no measurement comes
+                eprintln!("the bus did not start again: {error}");
+                return None;
+            }
+        };
     }
     Some(BusReport {
         counters: bus.counters(),

@@ -10,6 +10,10 @@ pub struct DeviceFacts {
     pub name: String,
     /// Vendor, product, revision.
     pub identity: [u32; 3],
+    /// Serial number in its EEPROM; 0 where it states none.
+    pub serial: u32,
+    /// Version of its software (0x100A); none where it has no such object.
+    pub software: Option<String>,
     /// Outputs, by 0x1C12 and mapping objects, or by its EEPROM where it has no mailbox.
     pub outputs: Vec<Pdo>,
     /// Inputs, by 0x1C13 and mapping objects, or by its EEPROM.
@@ -24,6 +28,16 @@ pub struct DeviceFacts {
     pub reactions: [Option<i16>; 3],
     /// What one unit of 0x60FF and 0x606C is \[rev/s\], by 0x60A9 or by 0x608F, 0x6091 and 0x6096.
     pub velocity_unit: Option<f64>,
+}
+
+/// What the name of a simulated device ends with, in its EEPROM.
+pub const SIMULATED: &str = " (simulated)";
+
+impl DeviceFacts {
+    /// Whether the device says that it is simulated.
+    pub fn is_simulated(&self) -> bool {
+        self.name.ends_with(SIMULATED)
+    }
 }
 
 /// Sizes of velocity units are compared to this share.

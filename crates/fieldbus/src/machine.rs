@@ -46,6 +46,8 @@ struct Shared {
     sync0: AtomicU64,
     /// Whether the control task's side is no longer there.
     is_left: AtomicBool,
+    /// Whether no frames are to be sent, so that the devices' own watchdogs act.
+    is_withheld: AtomicBool,
 }
 
 /// The control task's side: a [`Machine`].
@@ -146,12 +148,21 @@ impl Machine for FieldbusMachine {
         let mut words = [0; COMMAND_WORDS];
         words[0] = sequence;
         words[1] = self.sampled;
+        self.shared.is_withheld.store(false, Ordering::Release);
         words[2] = u64::from(outgoing.is_enabled);
         for (words, axis) in words[3..].chunks_exact_mut(2).zip(&outgoing.command.axes) {
             words[0] = axis.motor_speed.to_bits();
             words[1] = axis.holding_valve.to_bits();
         }
         self.shared.command.publish(words);
+    }
+
+    fn withhold(&mut self) {
+        self.shared.is_withheld.store(true, Ordering::Release);
+    }
+
+    fn reset_by_a_person(&mut self) {
+        FieldbusMachine::reset_by_a_person(self);
     }
 
     fn release(&self, due: u64) -> u64 {
@@ -245,6 +256,11 @@ impl BusSide {
     /// Whether the control task's side is no longer there.
     pub(crate) fn is_left(&self) -> bool {
         self.shared.is_left.load(Ordering::Acquire)
+    }
+
+    /// Whether no frames are to be sent.
+    pub(crate) fn is_withheld(&self) -> bool {
+        self.shared.is_withheld.load(Ordering::Acquire)
     }
 
     /// Shows a SYNC0 by this computer's clock \[ns\].

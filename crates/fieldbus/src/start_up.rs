@@ -44,6 +44,8 @@ const FIRST_PULSE: u64 = 100_000_000;
 const UNTIL_OP: u64 = 5_000_000_000;
 /// Divider of the watchdogs: units of 40 ns in 100 us, less two.
 const WATCHDOG_DIVIDER: u16 = 2498;
+/// Longest version of a device's software that is read \[byte\].
+const SOFTWARE: usize = 64;
 /// Unit of the process-data watchdog by that divider \[ns\].
 const WATCHDOG_UNIT: u64 = 100_000;
 
@@ -135,7 +137,12 @@ fn prepare<L: Link>(
         let sii = sii::read(wire, &device).map_err(|e| told("the EEPROM", Trouble::Bus(e)))?;
         known.activations = sii.activations;
         let (outputs, inputs) = (sii.outputs, sii.inputs);
-        (known.outputs, known.inputs) = match has_mailbox(row, wire, &device) {
+        let has_mailbox = has_mailbox(row, wire, &device);
+        if has_mailbox {
+            // one that does not tell it is none that cannot be used
+            known.software = software(wire, &device).unwrap_or(None);
+        }
+        (known.outputs, known.inputs) = match has_mailbox {
             false => (outputs, inputs),
             true => (
                 lists(wire, &device, 0x1c12, &row.outputs, row).map_err(|e| told("0x1C12", e))?,
@@ -165,6 +172,7 @@ fn identity(device: &SubDevice) -> DeviceFacts {
     DeviceFacts {
         name: device.name().into(),
         identity: [identity.vendor_id, identity.product_id, identity.revision],
+        serial: identity.serial,
         has_clock: device.dc_support().any(),
         ..DeviceFacts::default()
     }
@@ -352,6 +360,18 @@ fn write<L: Link, S: Deref<Target = SubDevice>>(
         NumberType::U16 | NumberType::I16 => put(wire, device, index, sub, value as u16),
         NumberType::U32 | NumberType::I32 => put(wire, device, index, sub, value as u32),
     }
+}
+
+/// Version of the device's software (0x100A), without what is no printable text.
+fn software<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+) -> Result<Option<String>, Trouble> {
+    let read: Option<heapless::Vec<u8, SOFTWARE>> = optional(wire, device, 0x100a, 0)?;
+    Ok(read.map(|bytes| {
+        let text = String::from_utf8_lossy(&bytes);
+        text.chars().filter(|c| !c.is_control()).collect()
+    }))
 }
 
 /// Whether process data are described by objects: 0x1C12 or 0x1C13 can be read.

@@ -68,6 +68,8 @@ pub struct MachineChoice {
     arguments: Vec<OsString>,
     /// Where a machine is attached, as it was named.
     address: Option<String>,
+    /// Whether an attached machine says that it is simulated.
+    is_simulated: bool,
 }
 
 impl MachineChoice {
@@ -129,7 +131,17 @@ impl MachineChoice {
         };
         let differences = by_weight(model.differences(&machine));
         let address = None;
-        let choice = Self { model, machine, source, filled_in, differences, arguments, address };
+        let is_simulated = false;
+        let choice = Self {
+            model,
+            machine,
+            source,
+            filled_in,
+            differences,
+            arguments,
+            address,
+            is_simulated,
+        };
         if crane.overrides().len() > motion.len() && source != Source::CraneFile {
             output::note(&format!(
                 "--set is of the model only: the plant \"{}\" keeps the values of its own file",
@@ -151,6 +163,7 @@ impl MachineChoice {
             differences: Vec::new(),
             arguments: Vec::new(),
             address: None,
+            is_simulated: false,
         }
     }
 
@@ -166,7 +179,13 @@ impl MachineChoice {
             differences: Vec::new(),
             arguments: Vec::new(),
             address: Some(address),
+            is_simulated: false,
         }
+    }
+
+    /// The same, of an attached machine that says whether it is simulated.
+    pub fn said_to_be_simulated(self, is_simulated: bool) -> Self {
+        Self { is_simulated, ..self }
     }
 
     /// The same with another machine, changed by overrides.
@@ -189,6 +208,7 @@ impl MachineChoice {
     /// Name of the machine in tables and messages.
     pub fn name(&self) -> String {
         match (&self.address, self.source) {
+            (Some(address), _) if self.is_simulated => format!("simulated machine at {address}"),
             (Some(address), _) => format!("machine at {address}"),
             (None, Source::CraneFile) => format!("virtual crane of {}", self.model.name),
             (None, _) => self.machine.name.clone(),
@@ -234,7 +254,7 @@ impl MachineChoice {
             .iter()
             .map(|d| json!({ "key": d.key, "model": d.here, "plant": d.there, "unit": d.unit }));
         json!({
-            "name": self.name(), "from": self.source.name(), "digest": self.machine.digest(),
+            "name": self.name(), "is_simulated": self.is_simulated || !self.source.is_attached(), "from": self.source.name(), "digest": self.machine.digest(),
             "equals_model": self.equality().is_some(), "remark": self.equality(),
             "filled_in": filled_in.collect::<Vec<_>>(),
             "differences": differences.collect::<Vec<_>>(),

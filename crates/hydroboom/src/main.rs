@@ -6,6 +6,8 @@ mod benchmark_gains;
 mod bounds;
 mod calibrate;
 mod check;
+mod commission;
+mod commissioning_basis;
 mod crane_file;
 mod design;
 mod difference_text;
@@ -66,6 +68,7 @@ struct Arguments {
 enum Command {
     New(new::New),
     Check(check::Check),
+    Commission(commission::Commission),
     Show(show::Show),
     Simulate(simulate::Simulate),
     Eigen(eigen::Eigen),
@@ -143,6 +146,7 @@ fn run(command: Command) -> Result<()> {
     match command {
         Command::New(command) => command.run(),
         Command::Check(command) => command.run(),
+        Command::Commission(command) => command.run(),
         Command::Show(command) => command.run(),
         Command::Simulate(command) => command.run(),
         Command::Eigen(command) => command.run(),

@@ -39,7 +39,8 @@ struct hydroboom_hello {
     uint32_t period_ns;
     uint16_t newest_version;
     uint8_t peer;
-    uint8_t zero[9];
+    uint8_t zero;
+    uint64_t firmware; /* changed by the maker with the firmware; 0 where not stated */
 };
 
 struct hydroboom_measurement {

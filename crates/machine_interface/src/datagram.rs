@@ -97,6 +97,8 @@ pub struct Hello {
     pub newest_version: u16,
     /// Number of axes, 1 to [`MOST_AXES`].
     pub axes: usize,
+    /// Number that the machine's maker changes with its firmware; 0 if it is not stated.
+    pub firmware: u64,
     /// Lowest and highest value of each measured signal of each axis, in SI units, speeds in rev/s; not finite where
     /// unknown.
     pub ranges: [[[f64; 2]; MEASURED.len()]; MOST_AXES],
@@ -224,8 +226,8 @@ pub fn encode(header: &Header, body: &Body, into: &mut [u8; LONGEST]) -> usize {
         Body::Hello(hello) => {
             to.put(&hello.period.to_le_bytes());
             to.put(&hello.newest_version.to_le_bytes());
-            to.put(&[hello.peer as u8]);
-            to.put(&[0; 9]);
+            to.put(&[hello.peer as u8, 0]);
+            to.put(&hello.firmware.to_le_bytes());
             for number in hello.ranges.iter().take(hello.axes).flatten().flatten() {
                 to.put(&number.to_le_bytes());
             }
@@ -341,12 +343,13 @@ pub fn decode(bytes: &[u8]) -> Result<(Header, Body), Dropped> {
 fn hello(from: &mut Reader<'_>, axes: usize) -> Result<Hello, Dropped> {
     let (period, newest_version) = (from.u32(), from.u16());
     let peer = Peer::of(from.u8()).ok_or(Dropped::Undefined)?;
-    let _zero: [u8; 9] = from.take();
+    from.u8();
+    let firmware = from.u64();
     let mut ranges = [[[f64::NAN; 2]; MEASURED.len()]; MOST_AXES];
     for number in ranges.iter_mut().take(axes).flatten().flatten() {
         *number = from.f64();
     }
-    Ok(Hello { peer, period, newest_version, axes, ranges })
+    Ok(Hello { peer, period, newest_version, axes, firmware, ranges })
 }
 
 fn measurement(from: &mut Reader<'_>, count: usize) -> Result<Measurement, Dropped> {

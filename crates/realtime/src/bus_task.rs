@@ -149,6 +149,11 @@ impl BusTask {
         // after a delay of the bus task itself the control task gets one more poll before it counts as lost
         let is_punctual = clock.saturating_sub(self.looked_at) <= self.period;
         self.looked_at = clock;
+        if self.exchange.is_withheld.load(Ordering::Acquire) {
+            // the machine's watchdog is being tried: the control task is not lost
+            self.taken_at = clock;
+            return;
+        }
         let newest = self.exchange.command().filter(|written| written.sequence != self.taken);
         if let Some(written) = newest {
             (self.taken, self.taken_at, self.last) = (written.sequence, clock, written.outgoing);

@@ -25,6 +25,8 @@ pub struct Desk {
     /// Generation of a pending reset; [`NOTHING`] if there is none.
     reset: AtomicU64,
     closing: AtomicBool,
+    /// Whether nothing is ever asked of the machine.
+    listens: AtomicBool,
     strategy: AtomicUsize,
     generation: AtomicU64,
     /// Time until which an operator is present \[ns of the monotonic clock\].
@@ -51,12 +53,23 @@ impl Desk {
             emergency: AtomicBool::new(false),
             reset: AtomicU64::new(NOTHING),
             closing: AtomicBool::new(false),
+            listens: AtomicBool::new(false),
             strategy: AtomicUsize::new(0),
             generation: AtomicU64::new(NOTHING + 1),
             attended_until: AtomicU64::new(ALWAYS),
         };
         desk.choose(strategy);
         desk
+    }
+
+    /// From now on no request is made of the machine: its drives stay without torque.
+    pub fn listen_only(&self) {
+        self.listens.store(true, Ordering::Release);
+    }
+
+    /// Whether no request is made of the machine.
+    pub fn listens(&self) -> bool {
+        self.listens.load(Ordering::Acquire)
     }
 
     /// Present generation; a request made in an earlier one is void.

@@ -74,6 +74,8 @@ pub struct Endpoint {
     period: u32,
     session: Session,
     machine: Option<(SocketAddr, Peer)>,
+    /// Number of the machine's firmware, as it states it; 0 where it does not.
+    firmware: u64,
     /// Whether a measurement of this session has been accepted.
     has_begun: bool,
     /// Number of datagrams from another address or port than the machine's.
@@ -96,6 +98,7 @@ impl Endpoint {
             session: Session::new(session.max(1)),
             period: period.max(1),
             machine: None,
+            firmware: 0,
             has_begun: false,
             refused: 0,
             difference: None,
@@ -111,6 +114,11 @@ impl Endpoint {
     /// session.
     pub fn machine(&self) -> Option<(SocketAddr, Peer)> {
         self.machine
+    }
+
+    /// Number of the machine's firmware, as it states it; 0 where it does not.
+    pub fn firmware(&self) -> u64 {
+        self.firmware
     }
 
     /// Whether a measurement of this session has been accepted.
@@ -203,12 +211,14 @@ impl Endpoint {
             return Received::Nothing;
         }
         self.machine = Some((from, hello.peer));
+        self.firmware = hello.firmware;
         let header = Header { session: self.session.number(), clock, ..Header::default() };
         let own = Hello {
             peer: Peer::Controller,
             period: self.period,
             newest_version: VERSION,
             axes: AXES,
+            firmware: 0,
             ranges: [[[f64::NAN; 2]; MEASURED.len()]; MOST_AXES],
         };
         Received::Hello(encode(&header, &Body::Hello(own), reply))

@@ -27,6 +27,8 @@ pub(crate) struct Exchange {
     command: Slot<COMMAND>,
     /// Whether the bus task holds the load because commands are missing.
     pub(crate) holds: AtomicBool,
+    /// Whether nothing is to be sent, so that the machine's own watchdog acts.
+    pub(crate) is_withheld: AtomicBool,
 }
 
 /// Command as read by the bus task.
@@ -139,6 +141,7 @@ impl Machine for LocalMachine {
     fn write(&mut self, sequence: u64, outgoing: &Outgoing) {
         let [axis] = outgoing.command.axes;
         let [speed, valve] = axis.to_array().map(f64::to_bits);
+        self.exchange.is_withheld.store(false, Ordering::Release);
         self.exchange.command.publish([
             sequence,
             u64::from(self.sampled.is_some()),
@@ -147,5 +150,9 @@ impl Machine for LocalMachine {
             speed,
             valve,
         ]);
+    }
+
+    fn withhold(&mut self) {
+        self.exchange.is_withheld.store(true, Ordering::Release);
     }
 }

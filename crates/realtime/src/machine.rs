@@ -92,6 +92,12 @@ pub trait Machine: Send {
     fn read(&mut self) -> Option<Incoming>;
     /// Sends a command with its sequence number, which increases with every command.
     fn write(&mut self, sequence: u64, outgoing: &Outgoing);
+    /// Sends nothing to the machine until the next command, so that its own watchdog acts. Used by commissioning
+    /// only.
+    fn withhold(&mut self) {}
+    /// Resets a fault that the attachment keeps, after a person has removed its cause and confirmed that. A program
+    /// never calls it by itself.
+    fn reset_by_a_person(&mut self) {}
     /// Begin of the control period that is due at a time of the monotonic clock \[ns\]. It differs from
     /// that time, by half a period at most, if the machine samples by a clock of its own that control has
     /// to follow.

@@ -28,6 +28,8 @@ pub struct Operator {
     reset: Option<Pending>,
     has_moved: bool,
     has_stopped: bool,
+    /// Whether nothing is ever asked of the machine.
+    listens: bool,
 }
 
 /// Request that the supervisor has not accepted yet.
@@ -64,6 +66,7 @@ impl Operator {
             reset: None,
             has_moved: false,
             has_stopped: false,
+            listens: false,
         }
     }
 
@@ -75,6 +78,7 @@ impl Operator {
 
     /// Reads the requests at the desk. It must be called once per control period.
     pub fn listen(&mut self, desk: &Desk) {
+        self.listens = desk.listens();
         let (start, reset) = (desk.take_start(), desk.take_reset());
         self.emergency |= desk.take_emergency();
         self.stop |= desk.take_stop() || desk.is_closing();
@@ -125,6 +129,7 @@ impl Operator {
     pub fn request(&self) -> Request {
         match self.state {
             _ if self.emergency => Request::EmergencyStop,
+            _ if self.listens => Request::None,
             State::Idle => Request::Enable,
             State::Fault if self.reset.is_some() => Request::Reset,
             // a stop also applies while the pump pre-loads: the load is then not released
@@ -405,6 +410,17 @@ mod tests {
             bench.desk.take_role(3600.0);
             assert_eq!(bench.period_with(state, motor_speed), Request::Stop, "{state:?}");
         }
+    }
+
+    #[test]
+    fn a_desk_that_only_listens_makes_no_request() {
+        let mut bench = Bench::new(State::Idle);
+        bench.desk.listen_only();
+        bench.desk.start();
+        assert!((0..3000).all(|_| bench.period(State::Idle) == Request::None));
+        bench.desk.close();
+        bench.period(State::Idle);
+        assert!(bench.operator.is_done());
     }
 
     #[test]

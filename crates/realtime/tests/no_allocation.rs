@@ -54,6 +54,7 @@ fn the_bus_task_and_its_exchange_allocate_nothing() {
         period: 1_000_000,
         newest_version: VERSION,
         axes: 1,
+        firmware: 0,
         ranges: [[[f64::NAN; 2]; 7]; MOST_AXES],
     };
     send(&Header::default(), &Body::Hello(hello));

@@ -48,6 +48,7 @@ pub(crate) fn add_identity(
     add((0x1000, 0), &device_type.to_le_bytes());
     add((0x1001, 0), &[0]);
     add((0x1008, 0), settings.name.as_bytes());
+    add((0x100a, 0), settings.software.as_bytes());
     add((0x1018, 0), &[4]);
     let numbers = [identity.vendor, identity.product, identity.revision, identity.serial];
     for (sub, number) in (1..).zip(numbers) {

@@ -66,6 +66,8 @@ pub struct Settings {
     pub name: String,
     /// Identity.
     pub identity: Identity,
+    /// Version of the software (0x100A), at most 64 ASCII characters.
+    pub software: String,
     /// Mailbox areas for requests and answers; `None` for a device without CoE.
     pub mailbox: Option<[Area; 2]>,
     /// Area of output data, from the main device; `None` without outputs.
@@ -92,6 +94,7 @@ impl Settings {
         Self {
             name: name.into(),
             identity,
+            software: "1.0".into(),
             mailbox: None,
             outputs: None,
             inputs: None,

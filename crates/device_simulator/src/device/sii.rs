@@ -6,6 +6,8 @@
 use super::settings::{Area, MAILBOX_CONTROL, PROCESS_DATA_CONTROL, Settings};
 use crate::object_dictionary::ObjectDictionary;
 
+/// What the name of each simulated device ends with in its EEPROM, so that nobody takes it for a real one.
+const SIMULATED: &str = " (simulated)";
 /// Bytes before the first category.
 const CATEGORIES: usize = 0x80;
 /// Size of the EEPROM in kbit, less one, as its header states.
@@ -41,7 +43,8 @@ pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     let check = checksum(&bytes[..14]);
     bytes[14] = check;
 
-    category(&mut bytes, 10, &strings(&[&settings.name]));
+    let name = format!("{}{SIMULATED}", settings.name);
+    category(&mut bytes, 10, &strings(&[&name]));
     category(&mut bytes, 30, &general(settings));
     category(&mut bytes, 40, &uses_of_fmmus(settings));
     category(&mut bytes, 41, &sync_managers(settings));

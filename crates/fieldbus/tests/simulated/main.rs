@@ -9,6 +9,7 @@ use assert_no_alloc::AllocDisabler;
 static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 mod bench;
+mod commissioning;
 mod crane;
 mod faults;
 mod operation;

@@ -6,6 +6,7 @@ use crate::crane_file::{CraneFile, text as text_of};
 use crate::output;
 use hydroboom_description::Description;
 use hydroboom_fieldbus::bus_task::{BusReport, BusThread, Started};
+use hydroboom_fieldbus::check::DeviceFacts;
 use hydroboom_fieldbus::machine::MachineState;
 use hydroboom_fieldbus::raw_socket::RawSocket;
 use hydroboom_fieldbus::table::Table;
@@ -54,8 +55,13 @@ pub fn open(interface: &str) -> Result<RawSocket> {
     RawSocket::open(interface).into_diagnostic()
 }
 
-/// Starts the bus at an open interface; returns it with its log.
-pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attached, BusLog)> {
+/// Starts the bus at an open interface; returns it with its log. Refused if `demand` refuses the devices' identities.
+pub fn start(
+    interface: &str,
+    table: Table,
+    socket: RawSocket,
+    demand: impl FnOnce(&Table, &[DeviceFacts]) -> Result<()>,
+) -> Result<(Attached, BusLog)> {
     let delay = table.bus.delay();
     let about = table.clone();
     let core = Placement::default().control_core;
@@ -76,6 +82,8 @@ pub fn start(interface: &str, table: Table, socket: RawSocket) -> Result<(Attach
             sentence.unwrap_or_default()
         ));
     }
+    // refused, the thread ends the bus when it is dropped
+    demand(&about, &facts)?;
     Ok((Attached::OnFieldbus(thread, Box::new(machine)), BusLog::new(about, records)))
 }
 

@@ -1,7 +1,7 @@
 //! `hydroboom run`
 
-mod attachment;
-mod bus;
+pub mod attachment;
+pub mod bus;
 mod bus_log;
 mod page;
 mod process;
@@ -10,6 +10,7 @@ mod report;
 mod watch;
 
 use crate::benchmark_gains;
+use crate::commissioning_basis::{demand, of_bus, of_local};
 use crate::crane_file::CraneFile;
 use crate::machine_argument::MachineArgument;
 use crate::machine_choice::{MachineChoice, Source};
@@ -32,6 +33,7 @@ use hydroboom_fieldbus::raw_socket::RawSocket;
 use hydroboom_fieldbus::table::Table;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
+use hydroboom_realtime::commissioning::record::Basis;
 use hydroboom_realtime::control_task::{ControlTask, Fallback};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
@@ -78,6 +80,19 @@ pub struct Run {
     /// (docs/reference/ethercat-table.md). Default: the table [machine.ethercat] of the crane file.
     #[arg(long, value_name = "FILE")]
     bus: Option<InputFile>,
+    /// Record of the machine's commissioning, by `hydroboom commission`. A real machine is not moved without it, nor if
+    /// crane file, bus table, devices, firmware or version differ; a machine that says that it is simulated needs none.
+    #[arg(long, value_name = "FILE")]
+    commissioning: Option<InputFile>,
+    /// Log without ever enabling the drives, until Ctrl-C. No record of a commissioning is needed.
+    #[arg(
+        long, requires = "machine",
+        conflicts_with_all = [
+            "dashboard", "cycles", "then", "auto", "baseline", "record_baseline", "parameters", "simulated_time",
+            "commissioning",
+        ]
+    )]
+    listen: bool,
     /// Control strategy.
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
     strategy: Strategy,
@@ -126,7 +141,7 @@ pub struct Run {
         long, value_name = "FILE",
         conflicts_with_all = [
             "dashboard", "cycles", "log", "scenario", "machine", "bus", "strategy", "then", "report", "baseline",
-            "record_baseline",
+            "record_baseline", "commissioning", "listen",
         ]
     )]
     replay: Option<InputFile>,
@@ -162,7 +177,7 @@ impl Run {
             return replay::replay(&model, log, self.json);
         }
         let bus = self.open_bus(&model)?;
-        let cranes = match &self.machine {
+        let mut cranes = match &self.machine {
             Some(MachineArgument::Udp(port)) => {
                 Cranes::attached(model, Source::Udp, format!("udp:{port}"))
             }
@@ -202,6 +217,10 @@ impl Run {
         let is_needless = self.simulated_time || self.dashboard.is_some() || is_attached;
         let alone = cranes.beforehand(&wanted, switch, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
+        if self.listen {
+            desk.listen_only();
+            output::note("listening: the drives are never enabled; Ctrl-C ends");
+        }
         let begin = (strategy, limits, retained);
         if is_attached && !wanted.payload_changes.is_empty() {
             output::note("a person at the machine has to make the scenario's payload changes");
@@ -217,12 +236,21 @@ impl Run {
                 if !attachment::wait_for_machine(&mut bus, &desk)? {
                     return Ok(());
                 }
+                let basis = of_local(&cranes.model, &bus);
+                self.demand(&basis)?;
+                cranes = cranes.said_to_be_simulated(basis.is_simulated);
                 Some((tasks, Attached::begin(bus, side, self.simulated_time)))
             }
             (Some(MachineArgument::EtherCat(interface)), Some((table, socket))) => {
                 attend(&desk)?;
                 let tasks = cranes.control_and_simulation(begin)?;
-                let (attached, log) = bus::start(interface, table, socket)?;
+                let mut is_simulated = false;
+                let (attached, log) = bus::start(interface, table, socket, |table, facts| {
+                    let basis = of_bus(&cranes.model, table, facts);
+                    is_simulated = basis.is_simulated;
+                    self.demand(&basis)
+                })?;
+                cranes = cranes.said_to_be_simulated(is_simulated);
                 bus_log = Some(log);
                 Some((tasks, attached))
             }
@@ -263,6 +291,11 @@ impl Run {
         let done = (real_time.as_ref(), bus.as_ref());
         let concluded = self.conclude(&cranes, &watch, alone.as_ref(), done);
         recorded.and(concluded)
+    }
+
+    /// Refuses to move a real machine that was not commissioned as it is now.
+    fn demand(&self, now: &Basis) -> Result<()> {
+        if self.listen { Ok(()) } else { demand(self.commissioning.as_deref(), now) }
     }
 
     /// Table and network interface of a bus, where the machine is on one.
@@ -385,6 +418,9 @@ impl Run {
             watch = watch.speaking();
         }
         let Some(address) = self.dashboard else {
+            if self.listen {
+                return Ok(watch);
+            }
             let plan = Plan {
                 left: self.cycles.unwrap_or(1),
                 carry_on: self.carry_on,

@@ -91,6 +91,7 @@ fn run_waits_for_a_machine_and_reports_a_mismatch() {
         period: 2_000_000,
         newest_version: VERSION,
         axes: 1,
+        firmware: 0,
         ranges: [[[f64::NAN; 2]; 7]; MOST_AXES],
     };
     let mut bytes = [0; LONGEST];

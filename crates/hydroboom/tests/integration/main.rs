@@ -4,6 +4,7 @@
 
 mod bounds;
 mod commands;
+mod commission;
 mod dashboard;
 mod documents;
 mod export;

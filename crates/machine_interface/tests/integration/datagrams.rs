@@ -23,6 +23,7 @@ fn bodies(axes: usize) -> [Body; 3] {
         period: 1_000_000,
         newest_version: VERSION,
         axes,
+        firmware: 0x0102_0304_0506_0708,
         ranges: [[[-1.5, 4e7]; 7]; MOST_AXES],
     };
     let mut measurement = Measurement {

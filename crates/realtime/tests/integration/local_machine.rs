@@ -85,6 +85,7 @@ impl Machine {
             period: (PERIOD * 1e9) as u32,
             newest_version: VERSION,
             axes: 1,
+            firmware: 0,
             ranges: [[[f64::NAN; 2]; MEASURED.len()]; MOST_AXES],
         };
         let mut bytes = [0; LONGEST];

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+mod commissioning;
 mod faults;
 mod flow_baseline;
 mod hand_over;

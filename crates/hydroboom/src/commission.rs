@@ -1,0 +1,293 @@
+//! `hydroboom commission`
+
+use crate::commissioning_basis::{of_bus, of_local, of_virtual};
+use crate::crane_file::CraneFile;
+use crate::machine_argument::MachineArgument;
+use crate::machine_choice::MachineChoice;
+use crate::output;
+use crate::paths::{InputFile, OutputFile};
+use crate::run::{attachment, bus};
+use clap::Args;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use hydroboom_design::limits;
+use hydroboom_fieldbus::bus_task::{BusThread as FieldbusThread, Started};
+use hydroboom_realtime::commissioning::finding::Outcome;
+use hydroboom_realtime::commissioning::record::{self, Basis};
+use hydroboom_realtime::commissioning::sequence::Sequence;
+use hydroboom_realtime::commissioning::settings::Settings;
+use hydroboom_realtime::commissioning::simulated_machine::{Mistakes, SimulatedMachine};
+use hydroboom_realtime::commissioning::step::Step;
+use hydroboom_realtime::commissioning::task::{self, Person, Told};
+use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::executive::Placement;
+use hydroboom_realtime::machine::Machine;
+use miette::{IntoDiagnostic, Result, miette};
+use serde_json::{Value, json};
+use std::io::IsTerminal;
+use std::sync::Arc;
+use std::time::SystemTime;
+
+/// Commission a machine: its first motions in steps that are each bounded in movement, and a record of them.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom commission --machine virtual --simulated-time --record virtual.toml\n  \
+    hydroboom commission --machine udp:8150 --crane my-crane.toml --record machine.toml\n  \
+    hydroboom commission --machine ethercat:eth1 --bus bus.toml --crane my-crane.toml --record machine.toml\n\n\
+    Ctrl-C stops at once. It is no safety function: the hardware emergency stop has to be in reach."
+)]
+pub struct Commission {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// The machine: virtual or virtual:FILE, the virtual crane (of that crane file); udp:PORT, another process on the
+    /// local interface; or ethercat:INTERFACE, devices at that network interface.
+    #[arg(
+        long, value_name = "virtual[:FILE]|udp:PORT|ethercat:INTERFACE",
+        value_parser = MachineArgument::parser()
+    )]
+    machine: MachineArgument,
+    /// With ethercat:INTERFACE: table of the devices on the bus and of their signals. Default: the table
+    /// [machine.ethercat] of the crane file.
+    #[arg(long, value_name = "FILE")]
+    bus: Option<InputFile>,
+    /// Record to write (TOML): results, what was measured, and what they are valid for. `run --commissioning` reads it.
+    #[arg(long, value_name = "FILE")]
+    record: OutputFile,
+    /// Simulated time: with the virtual crane, as fast as possible; a simulated person opens the stop circuit.
+    #[arg(long)]
+    simulated_time: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Commission {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let model = self.crane.read()?;
+        let settings = Settings::default();
+        let limits = limits(&model, settings.travel_speed).into_diagnostic()?;
+        let begin = |is_identified| Sequence::new(limits, settings, is_identified);
+        let person = Arc::new(Person::default());
+        let is_virtual = matches!(self.machine, MachineArgument::Virtual(_));
+        if self.simulated_time && !is_virtual {
+            return Err(miette!(
+                help = "leave --simulated-time out; only the virtual crane is commissioned in simulated time",
+                "a machine with a clock of its own cannot be commissioned in simulated time"
+            ));
+        }
+        if self.bus.is_some() && !matches!(self.machine, MachineArgument::EtherCat(_)) {
+            return Err(miette!(
+                help = "name the interface, as in --machine ethercat:eth1",
+                "--bus is the table of devices at a network interface, and the machine is none"
+            ));
+        }
+        let (basis, sequence, machine) = match &self.machine {
+            MachineArgument::Virtual(file) => {
+                let choice = MachineChoice::of(model, &self.crane, file.as_deref())?;
+                let basis = of_virtual(&choice.model, &choice.machine);
+                let mut machine = SimulatedMachine::new(&choice.machine, Mistakes::default())
+                    .into_diagnostic()?;
+                let mut sequence = begin(true);
+                attend(&person)?;
+                let mut told = None;
+                task::run_simulated(
+                    &mut sequence,
+                    &mut machine,
+                    !self.simulated_time,
+                    &person,
+                    &mut |sequence, _| {
+                        let step = sequence.step();
+                        if told.replace(step) != Some(step) {
+                            tell(Told::Step(step));
+                        }
+                    },
+                )
+                .into_diagnostic()?;
+                (basis, sequence, choice.name())
+            }
+            MachineArgument::Udp(port) => {
+                let desk = Arc::new(Desk::new(Strategy::BenchmarkClosedLoop));
+                attend_both(&person, &desk)?;
+                let (mut bus, side) = attachment::open(*port, &model)?;
+                if !attachment::wait_for_machine(&mut bus, &desk)? {
+                    return Ok(());
+                }
+                let basis = of_local(&model, &bus);
+                let is_identified = bus.endpoint.machine().is_some();
+                let thread = bus.spawn(Placement::default().control_core);
+                let ran = consent(&basis)
+                    .and_then(|()| run(begin(is_identified), Box::new(side), &model, &person));
+                let report = thread.end();
+                report.iter().flat_map(|report| &report.remarks).for_each(|r| output::note(r));
+                (basis, ran?, format!("udp:{port}"))
+            }
+            MachineArgument::EtherCat(interface) => {
+                let table = bus::table(self.bus.as_deref(), &self.crane, &model)?;
+                let socket = bus::open(interface)?;
+                attend(&person)?;
+                let about = table.clone();
+                let core = Placement::default().control_core;
+                let started = FieldbusThread::start(table, socket, core).into_diagnostic()?;
+                let Started { thread, machine, facts, .. } = started;
+                let basis = of_bus(&model, &about, &facts);
+                let ran = consent(&basis).and_then(|()| {
+                    run(begin(!facts.is_empty()), Box::new(machine), &model, &person)
+                });
+                let report = thread.end();
+                if let Some((_, sentence)) =
+                    report.as_ref().and_then(|report| report.fault.as_ref())
+                {
+                    output::note(&format!("the bus's own fault: {sentence}"));
+                }
+                report.iter().flat_map(|report| &report.remarks).for_each(|r| output::note(r));
+                (basis, ran?, format!("ethercat:{interface}"))
+            }
+        };
+        self.conclude(&basis, &sequence, &machine)
+    }
+
+    /// Writes the record, prints the results, and tells of the step that failed.
+    fn conclude(&self, basis: &Basis, sequence: &Sequence, machine: &str) -> Result<()> {
+        let date = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+        let text = record::text(basis, machine, &date, sequence);
+        output::file(&self.record, text.as_bytes());
+        match self.json {
+            true => output::json(&results(basis, sequence, machine))?,
+            false => {
+                let which = if basis.is_simulated { "simulated machine" } else { "machine" };
+                let rows: Vec<Vec<String>> = Step::ALL
+                    .iter()
+                    .zip(sequence.outcomes())
+                    .map(|(step, outcome)| {
+                        let name = outcome.as_ref().map_or("not reached", Outcome::name);
+                        vec![step.name().into(), name.into(), remark(*step, outcome, sequence)]
+                    })
+                    .collect();
+                let table = output::table(&["step", "result", "measured"], &rows);
+                let said = format!("Commissioning of the {which} at {machine}\n{table}");
+                output::text(&(said + &output::named("record", &self.record)))?;
+            }
+        }
+        if sequence.has_passed() {
+            return Ok(());
+        }
+        let step = sequence.step();
+        let why = match &sequence.outcomes()[step.place()] {
+            Some(Outcome::Failed(finding)) => finding.to_string(),
+            _ => "it did not come to its end".into(),
+        };
+        Err(miette!(
+            help = "mend the cause, then commission anew from the begin",
+            "commissioning failed in step {}: {why}",
+            step.name()
+        ))
+    }
+}
+
+/// What was measured in a step, or why it was skipped or failed.
+fn remark(step: Step, outcome: &Option<Outcome>, sequence: &Sequence) -> String {
+    match outcome {
+        Some(Outcome::Skipped(reason)) => reason.to_string(),
+        Some(Outcome::Failed(finding)) => finding.to_string(),
+        _ => {
+            let all = record::measured(step, sequence.quantities());
+            // rest and noise of each signal are in the record
+            let few = all.iter().filter(|(_, value)| value.is_finite() && all.len() < 8);
+            let parts: Vec<String> = few.map(|(key, value)| format!("{key} {value:.3}")).collect();
+            parts.join(", ")
+        }
+    }
+}
+
+/// For machines.
+fn results(basis: &Basis, sequence: &Sequence, machine: &str) -> Value {
+    let steps = Step::ALL.iter().zip(sequence.outcomes()).map(|(step, outcome)| {
+        let all = record::measured(*step, sequence.quantities());
+        let known = all.into_iter().filter(|(_, value)| value.is_finite());
+        let measured: serde_json::Map<String, Value> =
+            known.map(|(key, value)| (key, json!(value))).collect();
+        let (reason, finding) = match outcome {
+            Some(Outcome::Skipped(reason)) => (Some(reason.to_string()), None),
+            Some(Outcome::Failed(finding)) => (None, Some(finding.to_string())),
+            _ => (None, None),
+        };
+        json!({
+            "axis": 0, "name": step.name(),
+            "outcome": outcome.as_ref().map_or("not reached", Outcome::name),
+            "reason": reason, "finding": finding, "measured": measured,
+        })
+    });
+    json!({
+        "machine": machine, "is_simulated": basis.is_simulated, "passed": sequence.has_passed(),
+        "steps": steps.collect::<Vec<_>>(),
+    })
+}
+
+/// At a real machine a person at a terminal begins, and confirms each reset.
+fn consent(basis: &Basis) -> Result<()> {
+    if basis.is_simulated {
+        output::note("simulated machine");
+        return Ok(());
+    }
+    if !std::io::stdin().is_terminal() {
+        return Err(miette!(
+            help = "start it in a terminal, at the machine",
+            "a real machine is commissioned by a person at a terminal, and the input is none"
+        ));
+    }
+    output::note(
+        "this machine is real. Nobody is under or beside the load, the hardware emergency stop is in reach and was \
+         tried, the load may fall by what its stops allow. Enter begins, Ctrl-C ends",
+    );
+    let mut line = String::new();
+    match std::io::stdin().read_line(&mut line) {
+        Ok(count) if count > 0 => Ok(()),
+        _ => Err(miette!("not begun: the input ended")),
+    }
+}
+
+/// Runs a sequence in real time; a person confirms by Enter.
+fn run(
+    sequence: Sequence,
+    machine: Box<dyn Machine>,
+    model: &Description,
+    person: &Arc<Person>,
+) -> Result<Sequence> {
+    let confirms = Arc::clone(person);
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        while std::io::stdin().read_line(&mut line).is_ok_and(|count| count > 0) {
+            confirms.confirm();
+        }
+    });
+    let (period, core) = (model.numbers.control_period, Placement::default().control_core);
+    let (sequence, lost) = task::run(sequence, machine, period, core, person, &mut tell)
+        .map_err(|why| miette!("commissioning ended by a defect of this program: {why}"))?;
+    lost.iter().for_each(|remark| output::note(remark));
+    Ok(sequence)
+}
+
+/// Tells of a step or of what is asked for.
+fn tell(told: Told) {
+    match told {
+        Told::Step(step) => output::note(&format!("{}: {}", step.name(), step.text())),
+        Told::Prompt(prompt) => output::note(&format!(">>> {}", prompt.text())),
+    }
+}
+
+/// Ctrl-C ends the sequence with an immediate stop.
+fn attend(person: &Arc<Person>) -> Result<()> {
+    let person = Arc::clone(person);
+    ctrlc::set_handler(move || person.end()).into_diagnostic()
+}
+
+/// The same while a machine is waited for.
+fn attend_both(person: &Arc<Person>, desk: &Arc<Desk>) -> Result<()> {
+    let (person, desk) = (Arc::clone(person), Arc::clone(desk));
+    ctrlc::set_handler(move || {
+        person.end();
+        desk.close();
+    })
+    .into_diagnostic()
+}

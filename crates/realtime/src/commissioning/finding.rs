@@ -1,0 +1,347 @@
+//! Result of a step: what was measured, what was expected, and what to do.
+
+use hydroboom_control::supervision::fault::Cause;
+use std::fmt::{self, Display, Formatter};
+
+const BAR: f64 = 1e5;
+const MM: f64 = 1e-3;
+const RPM: f64 = 1.0 / 60.0;
+
+/// Signals in the order of a measurement, as in messages.
+pub const SIGNALS: [&str; 7] = [
+    "stroke_m",
+    "pressure_pump_a_pa",
+    "pressure_a_pa",
+    "pressure_b_pa",
+    "pressure_pump_b_pa",
+    "pressure_accumulator_pa",
+    "motor_speed_rev_per_s",
+];
+
+/// Result of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// What was measured is what was expected.
+    Passed,
+    /// It could not be done.
+    Skipped(Reason),
+    /// Something else was measured.
+    Failed(Finding),
+}
+
+impl Outcome {
+    /// Name in records and messages.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Skipped(_) => "skipped",
+            Self::Failed(_) => "failed",
+        }
+    }
+}
+
+/// Why a step was skipped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reason {
+    /// The machine reports no state, so that an open stop circuit cannot be seen.
+    NoState,
+    /// The load's pressure leaves no room below it \[Pa\]: measured, and what is needed.
+    NoRoom([f64; 2]),
+}
+
+impl Display for Reason {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoState => f.write_str(
+                "the machine reports no state, so that its stop circuit is not seen: try it by hand before the load \
+                 is released",
+            ),
+            Self::NoRoom([pump, needed]) => write!(
+                f,
+                "the pump side ({:.1} bar) is less than {:.1} bar below the load, so that a rise would lift it; the \
+                 release shows the polarity by the lift",
+                pump / BAR,
+                needed / BAR
+            ),
+        }
+    }
+}
+
+/// What went wrong in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Finding {
+    /// A person ended it.
+    Ended,
+    /// No measurement for so long \[s\].
+    Silent(f64),
+    /// A signal is not a number, or is marked as absent.
+    NotANumber(usize),
+    /// A signal \[its unit\] is out of its range.
+    OutOfRange(usize, [f64; 3]),
+    /// A signal repeats itself to the last bit.
+    Stuck(usize),
+    /// A signal scatters \[its unit\]: measured, allowed.
+    Noisy(usize, [f64; 2]),
+    /// The position drifts at rest \[m\]: measured, allowed.
+    Drifts([f64; 2]),
+    /// The motor turns at rest \[rev/s\].
+    Turns(f64),
+    /// The load's pressure cannot be \[Pa\]: measured, lowest, highest.
+    LoadPressure([f64; 3]),
+    /// The pump side is above the load's pressure at rest \[Pa\]: both.
+    PumpAboveLoad([f64; 2]),
+    /// No room for the travel \[m\]: position, lowest, highest.
+    NoStroke([f64; 3]),
+    /// The position switch shows an open valve.
+    ValveOpen,
+    /// The machine did not become ready.
+    NotReady,
+    /// The machine did not enable its drives, or disabled them.
+    NotEnabled,
+    /// The machine follows commands although it was not asked to.
+    EnabledByItself,
+    /// The machine has a fault of this code.
+    MachineFault(u16),
+    /// The stop circuit was not seen to open within so long \[s\].
+    StopCircuitNotSeen(f64),
+    /// The machine was not reset within so long \[s\].
+    NotReset(f64),
+    /// A held load moved \[m\]: measured, allowed.
+    Moved([f64; 2]),
+    /// The motor turns against its command \[rev/s\]: measured, commanded.
+    MotorReversed([f64; 2]),
+    /// The motor does not follow its command \[rev/s\]: measured, commanded.
+    MotorDoesNotFollow([f64; 2]),
+    /// The motor turned on without commands \[rev/s\], after so long \[s\].
+    NoWatchdog([f64; 2]),
+    /// The pump's other side rose \[Pa\] in place of the one that carries the load: that, the other.
+    OtherSideRose([f64; 2]),
+    /// The cylinder's pressure rose \[Pa\] in place of the pump side's: the pump side's, the cylinder's.
+    LoadRose([f64; 2]),
+    /// The pump side's pressure did not rise \[Pa\]: measured, expected.
+    NoRise([f64; 2]),
+    /// A pressure is above what is allowed \[Pa\]: measured, allowed.
+    Pressure(usize, [f64; 2]),
+    /// The position moved against the lift \[m\].
+    PositionReversed(f64),
+    /// The supervisor stopped it; the position had moved \[m\].
+    Supervisor(Cause, f64),
+    /// The position left the travel \[m\]: measured, expected, allowed deviation.
+    LeftTravel([f64; 3]),
+    /// Travel by position over travel by pump volume \[1\]: measured, allowed deviation.
+    Scale([f64; 2]),
+    /// The delay \[cycles\]: measured, largest.
+    Delay([f64; 2]),
+    /// The way of the stop \[m\]: measured, largest.
+    StopDistance([f64; 2]),
+    /// The machine is not what is expected, or does not say what it is.
+    Identity,
+}
+
+/// A value of a signal, in the units of people.
+fn of_signal(signal: usize, value: f64) -> String {
+    match signal {
+        0 => format!("{:.2} mm", value / MM),
+        6 => format!("{:.1} rpm", value / RPM),
+        _ => format!("{:.2} bar", value / BAR),
+    }
+}
+
+fn name(signal: usize) -> &'static str {
+    SIGNALS.get(signal).copied().unwrap_or("a signal")
+}
+
+impl Display for Finding {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Ended => f.write_str("ended by a person"),
+            Self::Silent(time) => write!(
+                f,
+                "no measurement for {time:.3} s: look at the machine's program, its cable and its supply"
+            ),
+            Self::NotANumber(signal) => write!(
+                f,
+                "{} is not a number or absent: look at its sensor, its cable and its line of the table",
+                name(signal)
+            ),
+            Self::OutOfRange(signal, [value, low, high]) => write!(
+                f,
+                "{} is {}, expected from {} to {}: look at sign, factor and offset of the signal, and at its sensor",
+                name(signal),
+                of_signal(signal, value),
+                of_signal(signal, low),
+                of_signal(signal, high)
+            ),
+            Self::Stuck(signal) => write!(
+                f,
+                "{} repeats itself to the last bit: look at its sensor and its line of the table; sensors without \
+                 noise need supervision.stuck_ms = 0",
+                name(signal)
+            ),
+            Self::Noisy(signal, [measured, allowed]) => write!(
+                f,
+                "{} scatters by {} at rest, allowed {}: look at shield and supply of its sensor, or correct \
+                 supervision.position_scatter_mm or pressure_scatter_bar",
+                name(signal),
+                of_signal(signal, measured),
+                of_signal(signal, allowed)
+            ),
+            Self::Drifts([measured, allowed]) => write!(
+                f,
+                "the position drifts by {:.3} mm at rest, allowed {:.3} mm: wait until the load rests, look at the \
+                 load-holding valve for leakage and at the sensor",
+                measured / MM,
+                allowed / MM
+            ),
+            Self::Turns(speed) => write!(
+                f,
+                "the motor is read to turn at {:.1} rpm, expected rest: look at the drive and at its speed signal",
+                speed / RPM
+            ),
+            Self::LoadPressure([measured, low, high]) => write!(
+                f,
+                "the load's pressure is {:.1} bar, expected {:.1} to {:.1} bar: are the pressure sensors exchanged, \
+                 does the load rest on something, is payload.mass_kg of the crane file right?",
+                measured / BAR,
+                low / BAR,
+                high / BAR
+            ),
+            Self::PumpAboveLoad([pump, load]) => write!(
+                f,
+                "the pump side ({:.1} bar) is above the load ({:.1} bar) behind a shut valve: are pump-side and \
+                 cylinder sensors exchanged?",
+                pump / BAR,
+                load / BAR
+            ),
+            Self::NoStroke([position, low, high]) => write!(
+                f,
+                "the piston is at {:.1} mm, and the travel needs {:.1} to {:.1} mm: bring the load there by the \
+                 machine's own means, then begin again",
+                position / MM,
+                low / MM,
+                high / MM
+            ),
+            Self::ValveOpen => f.write_str(
+                "the load-holding valve is read as open, commanded shut: look at the valve and its position switch",
+            ),
+            Self::NotReady => f.write_str(
+                "the machine did not report that it is ready: look at its own display, and reset its fault there",
+            ),
+            Self::NotEnabled => f.write_str(
+                "the machine did not enable its drives, or disabled them: look at its stop circuit, main contactor \
+                 and the drive's display",
+            ),
+            Self::EnabledByItself => f.write_str(
+                "the drives are enabled, and nobody asked for that: look at what enables them besides this program",
+            ),
+            Self::MachineFault(code) => write!(
+                f,
+                "the machine reports a fault of code {code:#06x}: its manual says what it is; reset it there"
+            ),
+            Self::StopCircuitNotSeen(time) => write!(
+                f,
+                "in {time:.0} s the stop circuit was not seen to open: does it cut the drive's torque (safe torque \
+                 off), and is it reported (stop_circuit of the table, state 4 of the interface)?"
+            ),
+            Self::NotReset(time) => {
+                write!(f, "the machine was not ready again within {time:.0} s: reset it, then begin again")
+            }
+            Self::Moved([measured, allowed]) => write!(
+                f,
+                "the position moved by {:.2} mm, allowed {:.2} mm: does the load-holding valve hold, is the position \
+                 signal right?",
+                measured / MM,
+                allowed / MM
+            ),
+            Self::MotorReversed([measured, commanded]) => write!(
+                f,
+                "the motor is read at {:.1} rpm, commanded {:.1} rpm: correct the sign of the command or of the speed \
+                 signal",
+                measured / RPM,
+                commanded / RPM
+            ),
+            Self::MotorDoesNotFollow([measured, commanded]) => write!(
+                f,
+                "the motor is read at {:.1} rpm, commanded {:.1} rpm: look at the drive, its factor, and its torque \
+                 limit",
+                measured / RPM,
+                commanded / RPM
+            ),
+            Self::NoWatchdog([speed, time]) => write!(
+                f,
+                "{:.0} ms after the last command the motor still turned at {:.1} rpm, expected rest: switch the \
+                 machine's watchdog on (20 ms)",
+                time * 1e3,
+                speed / RPM
+            ),
+            Self::OtherSideRose([pump, other]) => write!(
+                f,
+                "the pump side that carries the load changed by {:+.1} bar, the other one by {:+.1} bar: correct the \
+                 sign of the motor's command, exchange the pump's lines, or exchange both pump sides' sensors",
+                pump / BAR,
+                other / BAR
+            ),
+            Self::LoadRose([pump, load]) => write!(
+                f,
+                "the pump side changed by {:+.1} bar, the cylinder by {:+.1} bar: are pump-side and cylinder sensors \
+                 exchanged, or is the load-holding valve not shut?",
+                pump / BAR,
+                load / BAR
+            ),
+            Self::NoRise([measured, expected]) => write!(
+                f,
+                "the pump side changed by {:+.1} bar, expected {:+.1} bar: is the pump's polarity reversed (sign of \
+                 the command, lines), the sensor another one, or the pump side open?",
+                measured / BAR,
+                expected / BAR
+            ),
+            Self::Pressure(signal, [measured, allowed]) => write!(
+                f,
+                "{} is {:.1} bar, allowed {:.1} bar: look at its sensor and at supervision.pressure_bar",
+                name(signal),
+                measured / BAR,
+                allowed / BAR
+            ),
+            Self::PositionReversed(moved) => write!(
+                f,
+                "the position changed by {:+.2} mm against the pump: correct the sign of the position (sign of its \
+                 line of the table)",
+                moved / MM
+            ),
+            Self::Supervisor(cause, moved) => write!(
+                f,
+                "the supervisor stopped it ({}) after {:+.2} mm: {}",
+                cause.code(),
+                moved / MM,
+                cause.advice()
+            ),
+            Self::LeftTravel([measured, expected, allowed]) => write!(
+                f,
+                "the position had changed by {:+.2} mm, expected {:+.2} mm within {:.2} mm: look at scale and sign of \
+                 the position, at displacement and leakage of the pump",
+                measured / MM,
+                expected / MM,
+                allowed / MM
+            ),
+            Self::Scale([ratio, allowed]) => write!(
+                f,
+                "the travel by position is {ratio:.3} of that by the pump's volume, expected 1 within {allowed:.3}: \
+                 correct the factor of the position or of the motor's speed, or pump.displacement_cm3 and \
+                 the cylinder's diameters"
+            ),
+            Self::Delay([measured, largest]) => write!(
+                f,
+                "the delay is {measured:.2} cycles, expected 0 to {largest:.0}: look at the machine's cycle and its \
+                 buffers"
+            ),
+            Self::StopDistance([measured, largest]) => write!(
+                f,
+                "the stop took {:.2} mm, expected at most {:.2} mm: look at the load-holding valve's closing time and \
+                 at the drive's ramp",
+                measured / MM,
+                largest / MM
+            ),
+            Self::Identity => f.write_str("the machine does not say what it is"),
+        }
+    }
+}

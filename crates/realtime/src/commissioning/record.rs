@@ -1,0 +1,394 @@
+//! Record of a commissioning: what was commissioned, with what result; and what has changed since.
+//!
+//! The digest is SHA-256 over crane file, bus table, devices with their firmware, our version and the results. It finds
+//! changes; it is no safety function, and no protection against a person who writes another one.
+
+use super::finding::{Outcome, SIGNALS};
+use super::sequence::{Quantities, Sequence};
+use super::step::Step;
+use hydroboom_description::digest_of;
+use hydroboom_files::{FileError, own_text};
+use std::path::Path;
+use thiserror::Error;
+use toml::{Table, Value};
+
+/// Version of the file's layout.
+const FORMAT: i64 = 1;
+/// Longest file that is read \[B\].
+const LONGEST: u64 = 1_000_000;
+/// What a passed commissioning is called, and another one.
+const PASSED: &str = "passed";
+const FAILED: &str = "failed";
+
+/// A device as it says of itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Device {
+    /// Name by which a person finds it.
+    pub name: String,
+    /// Its identity: kind, vendor, product, revision, serial number.
+    pub identity: String,
+    /// Its firmware, as it states it.
+    pub firmware: String,
+}
+
+/// What a commissioning is valid for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Basis {
+    /// Digest of the crane file with its overrides.
+    pub crane: String,
+    /// Digest of the bus table; empty where there is none.
+    pub bus_table: String,
+    /// The devices in their order.
+    pub devices: Vec<Device>,
+    /// Version of this program.
+    pub version: String,
+    /// Whether the machine says that it is simulated.
+    pub is_simulated: bool,
+}
+
+impl Basis {
+    /// What differs now from what was commissioned, one sentence each.
+    pub fn differences(&self, now: &Self) -> Vec<String> {
+        let mut found = Vec::new();
+        if self.is_simulated != now.is_simulated {
+            let which = |is| if is { "simulated" } else { "real" };
+            found.push(format!(
+                "the machine: a {} one was commissioned, and this is a {} one",
+                which(self.is_simulated),
+                which(now.is_simulated)
+            ));
+        }
+        if self.crane != now.crane {
+            found.push("the crane file: a number or choice of it, or an override (--set)".into());
+        }
+        if self.bus_table != now.bus_table {
+            found.push("the bus table: what it says, not its comments".into());
+        }
+        if self.version != now.version {
+            found.push(format!(
+                "the version of this program: {} then, {} now",
+                self.version, now.version
+            ));
+        }
+        if self.devices.len() != now.devices.len() {
+            found.push(format!(
+                "the number of devices: {} then, {} now",
+                self.devices.len(),
+                now.devices.len()
+            ));
+        }
+        for (then, is) in self.devices.iter().zip(&now.devices) {
+            for (what, then_is, now_is) in [
+                ("identity", &then.identity, &is.identity),
+                ("firmware", &then.firmware, &is.firmware),
+            ] {
+                if then_is != now_is {
+                    found.push(format!("{what} of {}: {then_is} then, {now_is} now", is.name));
+                }
+            }
+        }
+        found
+    }
+
+    /// Lines that the digest is of, with those of the results.
+    fn digest(&self, results: &[(String, String)]) -> String {
+        let mut lines = vec![
+            format!("crane={}", self.crane),
+            format!("bus_table={}", self.bus_table),
+            format!("version={}", self.version),
+            format!("simulated={}", self.is_simulated),
+        ];
+        lines.extend(
+            self.devices.iter().map(|d| format!("{:?} {:?} {:?}", d.name, d.identity, d.firmware)),
+        );
+        lines.extend(results.iter().map(|(step, outcome)| format!("{step}={outcome}")));
+        digest_of(&lines.join("\n"))
+    }
+}
+
+/// Error of reading a record, or why a machine is not moved by it.
+#[derive(Debug, Error)]
+pub enum RecordError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file is no record.
+    #[error("{path}: {reason}")]
+    Other {
+        /// Its path.
+        path: String,
+        /// What was read, and what is allowed.
+        reason: String,
+    },
+    /// A step failed or was not reached.
+    #[error("{path}: step {step} {how}: commission the machine again")]
+    NotPassed {
+        /// Its path.
+        path: String,
+        /// Name of the step.
+        step: String,
+        /// What became of it.
+        how: String,
+    },
+    /// Something differs from what was commissioned.
+    #[error("{path}: this is not what was commissioned. It differs in\n  {}", differences.join("\n  "))]
+    Differs {
+        /// Its path.
+        path: String,
+        /// What differs, one sentence each.
+        differences: Vec<String>,
+    },
+}
+
+/// The record of a sequence, as TOML; `machine` names the machine as on the command line, `date` is the time of the
+/// end.
+pub fn text(basis: &Basis, machine: &str, date: &str, sequence: &Sequence) -> String {
+    let results = results(sequence);
+    let mut head = Table::new();
+    let string = |text: &str| Value::String(text.into());
+    head.insert("format".into(), Value::Integer(FORMAT));
+    head.insert("machine".into(), string(machine));
+    head.insert("is_simulated".into(), Value::Boolean(basis.is_simulated));
+    head.insert("date".into(), string(date));
+    head.insert("version".into(), string(&basis.version));
+    let result = if sequence.has_passed() { PASSED } else { FAILED };
+    head.insert("result".into(), string(result));
+    head.insert("digest".into(), string(&basis.digest(&results)));
+    let mut digests = Table::new();
+    digests.insert("crane".into(), string(&basis.crane));
+    digests.insert("bus_table".into(), string(&basis.bus_table));
+    let devices = basis.devices.iter().map(|device| {
+        let mut table = Table::new();
+        table.insert("name".into(), string(&device.name));
+        table.insert("identity".into(), string(&device.identity));
+        table.insert("firmware".into(), string(&device.firmware));
+        Value::Table(table)
+    });
+    let steps = Step::ALL.iter().zip(sequence.outcomes()).zip(&results).map(
+        |((step, outcome), (name, result))| {
+            let mut table = Table::new();
+            table.insert("axis".into(), Value::Integer(0));
+            table.insert("name".into(), string(name));
+            table.insert("outcome".into(), string(result));
+            match outcome {
+                Some(Outcome::Skipped(reason)) => {
+                    table.insert("reason".into(), string(&reason.to_string()));
+                }
+                Some(Outcome::Failed(finding)) => {
+                    table.insert("finding".into(), string(&finding.to_string()));
+                }
+                _ => {}
+            }
+            for (key, value) in measured(*step, sequence.quantities()) {
+                if value.is_finite() {
+                    table.insert(key, Value::Float(value));
+                }
+            }
+            Value::Table(table)
+        },
+    );
+    let mut all = Table::new();
+    all.insert("commissioning".into(), Value::Table(head));
+    all.insert("digests".into(), Value::Table(digests));
+    all.insert("device".into(), Value::Array(devices.collect()));
+    all.insert("step".into(), Value::Array(steps.collect()));
+    format!(
+        "# Written by `hydroboom commission`. `hydroboom run --commissioning` compares it with what is there.\n\
+         # The digest finds changes. It is no safety function.\n\n{all}"
+    )
+}
+
+/// Name and result of each step.
+fn results(sequence: &Sequence) -> Vec<(String, String)> {
+    let result = |outcome: &Option<Outcome>| outcome.as_ref().map_or("not reached", Outcome::name);
+    let steps = Step::ALL.iter().zip(sequence.outcomes());
+    steps.map(|(step, outcome)| (step.name().into(), result(outcome).into())).collect()
+}
+
+/// What was measured in a step, with units in the keys.
+pub fn measured(step: Step, q: &Quantities) -> Vec<(String, f64)> {
+    let of = |pairs: &[(&str, f64)]| -> Vec<(String, f64)> {
+        pairs.iter().map(|(key, value)| ((*key).into(), *value)).collect()
+    };
+    match step {
+        Step::Identity => Vec::new(),
+        Step::Listening => {
+            let rest = SIGNALS.iter().zip(q.rest).map(|(name, v)| (format!("rest_{name}"), v));
+            let noise = SIGNALS.iter().zip(q.noise).map(|(name, v)| (format!("noise_{name}"), v));
+            rest.chain(noise).collect()
+        }
+        Step::StopCircuit => of(&[("machine_code", q.stop_circuit_code)]),
+        Step::Watchdog => of(&[
+            ("motor_stopped_after_ms", q.watchdog * 1e3),
+            ("motor_speed_ratio", q.motor_ratio),
+            ("motor_reaction_cycles", q.motor_reaction),
+        ]),
+        Step::Polarity => of(&[
+            ("pressure_rise_bar", q.polarity_rise * 1e-5),
+            ("revolutions", q.polarity_revolutions),
+        ]),
+        Step::Release => of(&[("lift_mm", q.release_lift * 1e3), ("duration_s", q.release_time)]),
+        Step::Travel => of(&[
+            ("against_the_load_mm", q.travel[0] * 1e3),
+            ("back_mm", q.travel[1] * 1e3),
+            ("position_over_pump_volume", q.scale),
+        ]),
+        Step::Delay => of(&[("delay_cycles", q.delay)]),
+        Step::StopDistance => of(&[
+            ("stop_distance_mm", q.stop_distance * 1e3),
+            ("largest_movement_mm", q.largest_movement * 1e3),
+        ]),
+    }
+}
+
+/// Checks that a record is of what is there now, and passed.
+///
+/// # Errors
+///
+/// [`RecordError`], which names what is wrong or differs.
+pub fn check(path: &Path, now: &Basis) -> Result<(), RecordError> {
+    let text = own_text(path, "record of a commissioning", LONGEST)?;
+    check_text(&path.display().to_string(), &text, now)
+}
+
+fn check_text(path: &str, text: &str, now: &Basis) -> Result<(), RecordError> {
+    let other = |reason: String| RecordError::Other { path: path.into(), reason };
+    let table: Table = text
+        .parse()
+        .map_err(|error| other(format!("not what `hydroboom commission` writes: {error}")))?;
+    let string = |place: Option<&Table>, section: &str, key: &str| {
+        let found = place.and_then(|table| table.get(key)).and_then(Value::as_str);
+        found.map(str::to_string).ok_or_else(|| {
+            other(format!("{section}.{key} is missing or no text: commission the machine again"))
+        })
+    };
+    let head = table.get("commissioning").and_then(Value::as_table);
+    let format = head.and_then(|head| head.get("format")).and_then(Value::as_integer);
+    if format != Some(FORMAT) {
+        return Err(other(format!(
+            "commissioning.format is {}, expected {FORMAT}: commission the machine again",
+            format.map_or("missing".into(), |format| format.to_string())
+        )));
+    }
+    let digests = table.get("digests").and_then(Value::as_table);
+    let tables = |key: &str| -> Vec<&Table> {
+        let all = table.get(key).and_then(Value::as_array);
+        all.into_iter().flatten().filter_map(Value::as_table).collect()
+    };
+    let mut devices = Vec::new();
+    for device in tables("device") {
+        devices.push(Device {
+            name: string(Some(device), "device", "name")?,
+            identity: string(Some(device), "device", "identity")?,
+            firmware: string(Some(device), "device", "firmware")?,
+        });
+    }
+    let is_simulated = head.and_then(|head| head.get("is_simulated")).and_then(Value::as_bool);
+    let then = Basis {
+        crane: string(digests, "digests", "crane")?,
+        bus_table: string(digests, "digests", "bus_table")?,
+        devices,
+        version: string(head, "commissioning", "version")?,
+        is_simulated: is_simulated.unwrap_or(true),
+    };
+    let mut results = Vec::new();
+    for step in tables("step") {
+        results.push((string(Some(step), "step", "name")?, string(Some(step), "step", "outcome")?));
+    }
+    if string(head, "commissioning", "digest")? != then.digest(&results) {
+        return Err(other(
+            "its digest is not that of its content: it was changed after it was written; commission the machine again"
+                .into(),
+        ));
+    }
+    for step in Step::ALL {
+        let result = results.iter().find(|(name, _)| name == step.name());
+        let how = match result.map(|(_, how)| how.as_str()) {
+            Some(PASSED | "skipped") => continue,
+            Some(how) if how == FAILED => "failed",
+            _ => "was not reached",
+        };
+        let (step, how) = (step.name().into(), how.into());
+        return Err(RecordError::NotPassed { path: path.into(), step, how });
+    }
+    match then.differences(now) {
+        differences if differences.is_empty() => Ok(()),
+        differences => Err(RecordError::Differs { path: path.into(), differences }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn basis() -> Basis {
+        let device = Device {
+            name: "drive".into(),
+            identity: "vendor 1".into(),
+            firmware: "\"1.2\"".into(),
+        };
+        Basis {
+            crane: "c".into(),
+            bus_table: "t".into(),
+            devices: vec![device],
+            version: "0.1".into(),
+            is_simulated: false,
+        }
+    }
+
+    fn written(results: &[(&str, &str)]) -> String {
+        let b = basis();
+        let own = |(a, b): &(&str, &str)| ((*a).to_string(), (*b).to_string());
+        let results: Vec<(String, String)> = results.iter().map(own).collect();
+        let steps: String = results
+            .iter()
+            .map(|(step, how)| format!("[[step]]\nname = \"{step}\"\noutcome = \"{how}\"\n"))
+            .collect();
+        let digest = b.digest(&results);
+        format!(
+            "[commissioning]\nformat = 1\nis_simulated = false\nversion = \"0.1\"\ndigest = \"{digest}\"\n\
+             [digests]\ncrane = \"c\"\nbus_table = \"t\"\n[[device]]\nname = \"drive\"\nidentity = \"vendor 1\"\n\
+             firmware = '\"1.2\"'\n{steps}"
+        )
+    }
+
+    fn all() -> Vec<(&'static str, &'static str)> {
+        Step::ALL.iter().map(|step| (step.name(), "passed")).collect()
+    }
+
+    #[test]
+    fn what_differs_is_named() {
+        let text = written(&all());
+        assert!(check_text("r", &text, &basis()).is_ok());
+        let changes: [(fn(&mut Basis), &str); 6] = [
+            (|b| b.crane = "other".into(), "crane file"),
+            (|b| b.bus_table = "other".into(), "bus table"),
+            (|b| b.version = "0.2".into(), "0.1 then, 0.2 now"),
+            (|b| b.devices[0].firmware = "1.3".into(), "firmware of drive"),
+            (|b| b.devices[0].identity = "vendor 2".into(), "identity of drive"),
+            (|b| b.devices.clear(), "number of devices"),
+        ];
+        for (change, named) in changes {
+            let mut now = basis();
+            change(&mut now);
+            let said = check_text("r", &text, &now).unwrap_err().to_string();
+            assert!(said.contains(named) && said.matches("\n  ").count() == 1, "{said}");
+        }
+    }
+
+    #[test]
+    fn a_record_that_failed_is_incomplete_or_was_changed_is_refused() {
+        let mut failed = all();
+        failed[4].1 = "failed";
+        let said = check_text("r", &written(&failed), &basis()).unwrap_err().to_string();
+        assert!(said.contains("polarity failed"), "{said}");
+        let said = check_text("r", &written(&all()[..6]), &basis()).unwrap_err().to_string();
+        assert!(said.contains("travel was not reached"), "{said}");
+        let changed = written(&failed).replace("\"failed\"", "\"passed\"");
+        let said = check_text("r", &changed, &basis()).unwrap_err().to_string();
+        assert!(said.contains("changed after it was written"), "{said}");
+        for text in ["", "x", "[commissioning]\nformat = 2"] {
+            assert!(check_text("r", text, &basis()).is_err(), "{text}");
+        }
+    }
+}

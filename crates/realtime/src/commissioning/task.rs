@@ -1,0 +1,206 @@
+//! Runs a sequence: in a real-time thread at a machine, or with the virtual crane in simulated time.
+
+use super::sequence::{Action, Now, Sequence};
+use super::simulated_machine::SimulatedMachine;
+use super::step::{Prompt, Step};
+use crate::failure::{guarded, hand_panics_on};
+use crate::machine::{Machine, Outgoing};
+use crate::posix::{lock_memory, now, wait_until};
+use crate::real_time_thread::prepare;
+use hydroboom_model::SimulationError;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
+
+/// SCHED_FIFO priority: that of the control task.
+const PRIORITY: i32 = 70;
+/// Time before a release that is spent spinning instead of sleeping \[ns\].
+const SPIN: u64 = 60_000;
+/// Safe commands that are sent after the end \[periods\], so that one of them arrives.
+const LAST: u64 = 50;
+/// Time between two looks at what the sequence does.
+const LOOK: Duration = Duration::from_millis(20);
+/// Longest run in simulated time \[s\].
+const LONGEST: f64 = 1800.0;
+
+/// What a person at the machine says, as atomics that any thread may set.
+#[derive(Debug, Default)]
+pub struct Person {
+    confirmed: AtomicBool,
+    ended: AtomicBool,
+}
+
+impl Person {
+    /// Confirms what was asked for.
+    pub fn confirm(&self) {
+        self.confirmed.store(true, Ordering::Release);
+    }
+
+    /// Ends the sequence.
+    pub fn end(&self) {
+        self.ended.store(true, Ordering::Release);
+    }
+}
+
+/// What is told of a sequence while it runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// A step begins.
+    Step(Step),
+    /// A person is asked for something.
+    Prompt(Prompt),
+}
+
+/// What the sequence does now, as atomics: places of step and prompt.
+#[derive(Debug)]
+struct Shown {
+    step: AtomicUsize,
+    prompt: AtomicUsize,
+    is_over: AtomicBool,
+}
+
+/// Nothing is asked for.
+const NOTHING: usize = usize::MAX;
+
+/// Place of a prompt in [`Prompt::ALL`].
+fn place(prompt: Option<Prompt>) -> usize {
+    prompt.and_then(|prompt| Prompt::ALL.iter().position(|p| *p == prompt)).unwrap_or(NOTHING)
+}
+
+/// Runs a sequence at a machine in real time, on a core; `period` is the control period \[s\]. Returns the sequence at
+/// its end and the real-time privileges that the system refused.
+///
+/// # Errors
+///
+/// Why the thread failed; the machine's watchdog has then stopped it.
+pub fn run(
+    mut sequence: Sequence,
+    mut machine: Box<dyn Machine>,
+    period: f64,
+    core: usize,
+    person: &Person,
+    tell: &mut dyn FnMut(Told),
+) -> Result<(Sequence, Vec<String>), String> {
+    let shown = Shown {
+        step: AtomicUsize::new(sequence.step().place()),
+        prompt: AtomicUsize::new(NOTHING),
+        is_over: AtomicBool::new(false),
+    };
+    hand_panics_on();
+    let shown = &shown;
+    thread::scope(|scope| {
+        let task = scope.spawn(move || {
+            let mut lost = prepare("commissioning", core, PRIORITY);
+            if let Err(error) = lock_memory() {
+                lost.push(format!("memory is not locked ({error})"));
+            }
+            let cycle = guarded(|| steer(&mut sequence, machine.as_mut(), period, person, shown));
+            if cycle.is_err() {
+                // at once; after it the machine's watchdog
+                let _ = guarded(|| machine.write(u64::MAX, &Outgoing::SAFE));
+            }
+            shown.is_over.store(true, Ordering::Release);
+            cycle.map(|()| (sequence, lost))
+        });
+        let (mut step, mut prompt) = (NOTHING, NOTHING);
+        while !shown.is_over.load(Ordering::Acquire) {
+            let now = shown.step.load(Ordering::Acquire);
+            if let Some(begun) = Step::ALL.get(now).filter(|_| now != step) {
+                tell(Told::Step(*begun));
+            }
+            step = now;
+            let asked = shown.prompt.load(Ordering::Acquire);
+            if let Some(asked) = Prompt::ALL.get(asked).filter(|_| asked != prompt) {
+                tell(Told::Prompt(*asked));
+            }
+            prompt = asked;
+            thread::sleep(LOOK);
+        }
+        task.join().unwrap_or_else(|_| Err("the commissioning task ended by itself".into()))
+    })
+}
+
+/// The cycle.
+fn steer(
+    sequence: &mut Sequence,
+    machine: &mut dyn Machine,
+    period: f64,
+    person: &Person,
+    shown: &Shown,
+) {
+    let step = (period * 1e9).round() as u64;
+    let first = now();
+    let (mut release, mut executed, mut number, mut last) = (first, first, 0, 0);
+    while last < LAST {
+        release = machine.release(release + step);
+        wait_until(release, SPIN);
+        let missed = now().saturating_sub(release) / step.max(1);
+        release += missed * step;
+        let clock = now();
+        let elapsed = clock.saturating_sub(executed) as f64 * 1e-9;
+        executed = clock;
+        // what was confirmed before it was asked for does not count
+        let is_confirmed = person.confirmed.swap(false, Ordering::AcqRel)
+            && sequence.prompt().is_some_and(Prompt::is_confirmed);
+        let action = sequence.period(&Now {
+            elapsed,
+            incoming: machine.read(),
+            missed: u32::try_from(missed).unwrap_or(u32::MAX),
+            is_confirmed,
+            is_ended: person.ended.load(Ordering::Acquire),
+        });
+        number += 1;
+        act(machine, number, action);
+        shown.step.store(sequence.step().place(), Ordering::Release);
+        shown.prompt.store(place(sequence.prompt()), Ordering::Release);
+        last = if sequence.is_over() { last + 1 } else { 0 };
+    }
+}
+
+/// Hands an action to a machine.
+fn act(machine: &mut dyn Machine, number: u64, action: Action) {
+    match action {
+        Action::Send(outgoing) => machine.write(number, &outgoing),
+        Action::Withhold => machine.withhold(),
+        Action::Reset(outgoing) => {
+            machine.reset_by_a_person();
+            machine.write(number, &outgoing);
+        }
+    }
+}
+
+/// Runs a sequence with the virtual crane, whose stop circuit a simulated person opens; `see` sees the machine after
+/// each period. At the rate of the clock where `is_paced`, else as fast as possible.
+///
+/// # Errors
+///
+/// [`SimulationError`] if the simulation fails.
+pub fn run_simulated(
+    sequence: &mut Sequence,
+    machine: &mut SimulatedMachine,
+    is_paced: bool,
+    person: &Person,
+    see: &mut dyn FnMut(&Sequence, &SimulatedMachine),
+) -> Result<(), SimulationError> {
+    let period = machine.crane().period();
+    let begun = now();
+    let mut number = 0;
+    while !sequence.is_over() && (number as f64) * period < LONGEST {
+        let is_confirmed = machine.answer(sequence.prompt());
+        let action = sequence.period(&Now {
+            elapsed: period,
+            incoming: machine.read(),
+            missed: 0,
+            is_confirmed,
+            is_ended: person.ended.load(Ordering::Acquire),
+        });
+        number += 1;
+        act(machine, number, action);
+        machine.advance()?;
+        see(sequence, machine);
+        if is_paced {
+            wait_until(begun + (number as f64 * period * 1e9) as u64, 0);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,73 @@
+//! Mean, scatter and drift of a signal over a window.
+
+/// Sums of a signal over a window, counted from its first value so that they stay small.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Window {
+    origin: f64,
+    count: f64,
+    sum: f64,
+    squares: f64,
+    /// Sum of value times place: the slope follows from it.
+    moment: f64,
+}
+
+impl Window {
+    /// Takes a value.
+    pub fn add(&mut self, value: f64) {
+        if self.count == 0.0 {
+            self.origin = value;
+        }
+        let off = value - self.origin;
+        self.moment += self.count * off;
+        self.count += 1.0;
+        self.sum += off;
+        self.squares += off * off;
+    }
+
+    /// Number of values.
+    pub fn count(&self) -> f64 {
+        self.count
+    }
+
+    /// Mean; NaN of an empty window.
+    pub fn mean(&self) -> f64 {
+        self.origin + self.sum / self.count
+    }
+
+    /// Standard deviation; NaN of an empty window.
+    pub fn deviation(&self) -> f64 {
+        let mean = self.sum / self.count;
+        (self.squares / self.count - mean * mean).max(0.0).sqrt()
+    }
+
+    /// Standard deviation about the straight line through all values; NaN of an empty window.
+    pub fn scatter(&self) -> f64 {
+        let ramp = self.drift();
+        (self.deviation().powi(2) - ramp * ramp / 12.0).max(0.0).sqrt()
+    }
+
+    /// Change from the first value to the last one of the straight line through all of them; NaN below two values.
+    pub fn drift(&self) -> f64 {
+        let n = self.count;
+        let spread = n * (n * n - 1.0) / 12.0;
+        (n - 1.0) * (self.moment - 0.5 * (n - 1.0) * self.sum) / spread
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_has_its_drift_and_an_alternating_signal_none() {
+        let mut ramp = Window::default();
+        (0..101).for_each(|k| ramp.add(0.3 + 1e-3 * f64::from(k)));
+        assert!((ramp.drift() - 0.1).abs() < 1e-12 && (ramp.mean() - 0.35).abs() < 1e-12);
+        let mut alternating = Window::default();
+        (0..1000).for_each(|k| alternating.add(if k % 2 == 0 { 1.0 } else { -1.0 }));
+        assert!((alternating.deviation() - 1.0).abs() < 1e-12);
+        assert!(alternating.drift().abs() < 0.01);
+        assert!((alternating.scatter() - 1.0).abs() < 1e-3 && ramp.scatter() < 1e-2 * 0.1);
+        assert!(Window::default().mean().is_nan() && Window::default().drift().is_nan());
+    }
+}

@@ -1,0 +1,237 @@
+//! Commissioning of the virtual crane in simulated time. Judged on the true piston: whatever mistake the machine has,
+//! the step that is to find it fails, and the piston stays within the step's bound.
+
+use hydroboom_description::Description;
+use hydroboom_design::limits;
+use hydroboom_realtime::commissioning::finding::{Finding, Outcome, Reason};
+use hydroboom_realtime::commissioning::record::{self, Basis};
+use hydroboom_realtime::commissioning::sequence::Sequence;
+use hydroboom_realtime::commissioning::settings::Settings;
+use hydroboom_realtime::commissioning::simulated_machine::{Mistakes, SimulatedMachine};
+use hydroboom_realtime::commissioning::step::Step;
+use hydroboom_realtime::commissioning::task::{Person, run_simulated};
+
+/// A sequence at its end, with the largest true way of the piston in each step [m].
+struct Ran {
+    sequence: Sequence,
+    largest: [f64; Step::ALL.len()],
+    machine: SimulatedMachine,
+}
+
+fn run(mistakes: Mistakes) -> Ran {
+    run_with(mistakes, |_| ())
+}
+
+fn run_with(mistakes: Mistakes, change: impl Fn(&mut Settings)) -> Ran {
+    let model = Description::uia_single_boom().unwrap();
+    let crane = Description::uia_virtual().unwrap();
+    let mut settings = Settings { listening: 0.5, opening: 3.0, ..Settings::default() };
+    change(&mut settings);
+    let limits = limits(&model, model.numbers.slow).unwrap();
+    let mut sequence = Sequence::new(limits, settings, true);
+    let mut machine = SimulatedMachine::new(&crane, mistakes).unwrap();
+    let mut largest = [0.0_f64; Step::ALL.len()];
+    let person = Person::default();
+    run_simulated(&mut sequence, &mut machine, false, &person, &mut |sequence, machine| {
+        let of = &mut largest[sequence.step().place()];
+        *of = of.max(machine.moved().abs());
+    })
+    .unwrap();
+    // the load is held after it, and stays where it is
+    let at = machine.moved();
+    (0..500).for_each(|_| machine.advance().unwrap());
+    assert!((machine.moved() - at).abs() < 0.5e-3);
+    Ran { sequence, largest, machine }
+}
+
+impl Ran {
+    /// The step that failed, and its finding.
+    fn failure(&self) -> (Step, Finding) {
+        let step = self.sequence.step();
+        match self.sequence.outcomes()[step.place()] {
+            Some(Outcome::Failed(finding)) => (step, finding),
+            other => panic!("{step:?}: {other:?}, {:?}", self.sequence.quantities()),
+        }
+    }
+
+    /// Largest true way of the piston over all steps [m].
+    fn moved(&self) -> f64 {
+        self.largest.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+#[test]
+fn a_sound_machine_passes_every_step_within_its_bound() {
+    let ran = run(Mistakes::default());
+    let (outcomes, q) = (ran.sequence.outcomes(), ran.sequence.quantities());
+    for (step, outcome) in Step::ALL.iter().zip(outcomes) {
+        assert_eq!(*outcome, Some(Outcome::Passed), "{step:?}: {q:?}");
+    }
+    let s = Settings::default();
+    let mm = |step: Step| ran.largest[step.place()];
+    for step in [Step::Listening, Step::StopCircuit, Step::Watchdog, Step::Polarity] {
+        assert!(mm(step) < 0.2e-3, "{step:?} moved the piston by {} m", mm(step));
+    }
+    assert!(mm(Step::Release) < s.release_movement, "{}", mm(Step::Release));
+    let travel = s.release_movement + s.travel + s.travel_deviation;
+    assert!(ran.moved() < travel, "{:?}", ran.largest);
+    assert!(q.watchdog > 0.015 && q.watchdog < 0.06, "{q:?}");
+    assert!(q.motor_reaction > 0.0 && q.motor_reaction < 10.0, "{q:?}");
+    assert!(q.stop_circuit_code == 6.0 && q.stop_distance < 2.5e-3, "{q:?}");
+    assert!((q.scale - 1.0).abs() < 0.05, "{q:?}");
+    assert!(
+        (q.travel[0] - s.travel).abs() < 1e-3 && (q.travel[1] + s.travel).abs() < 1e-3,
+        "{q:?}"
+    );
+    let truth = ran.machine.crane().truth();
+    assert!(truth.motor_speed.abs() < 1e-3 && truth.pilot < 0.5);
+}
+
+#[test]
+fn each_mistake_fails_in_its_step_and_nothing_moves_before_the_release() {
+    let sound = Mistakes::default();
+    let cases: [(&str, Mistakes, Step, fn(&Finding) -> bool); 10] = [
+        (
+            "pump polarity reversed",
+            Mistakes { motor: -1.0, motor_reading: -1.0, ..sound },
+            Step::Polarity,
+            |f| matches!(f, Finding::NoRise(_) | Finding::OtherSideRose(_)),
+        ),
+        ("motor reads backwards", Mistakes { motor_reading: -1.0, ..sound }, Step::Watchdog, |f| {
+            matches!(f, Finding::MotorReversed(_))
+        }),
+        (
+            "p_PA and p_A exchanged",
+            Mistakes { exchanged: Some((1, 2)), ..sound },
+            Step::Listening,
+            |f| matches!(f, Finding::LoadPressure(_) | Finding::PumpAboveLoad(_)),
+        ),
+        (
+            "p_A and p_B exchanged",
+            Mistakes { exchanged: Some((2, 3)), ..sound },
+            Step::Listening,
+            |f| matches!(f, Finding::LoadPressure(_)),
+        ),
+        (
+            "p_PA and p_PB exchanged",
+            Mistakes { exchanged: Some((1, 4)), ..sound },
+            Step::Polarity,
+            |f| matches!(f, Finding::NoRise(_) | Finding::OtherSideRose(_)),
+        ),
+        (
+            "stop circuit stuck",
+            Mistakes { is_stop_circuit_stuck: true, ..sound },
+            Step::StopCircuit,
+            |f| matches!(f, Finding::StopCircuitNotSeen(_)),
+        ),
+        ("watchdog off", Mistakes { is_watchdog_off: true, ..sound }, Step::Watchdog, |f| {
+            matches!(f, Finding::NoWatchdog(_))
+        }),
+        (
+            "motor reads twice its speed",
+            Mistakes { motor_reading: 2.0, ..sound },
+            Step::Watchdog,
+            |f| matches!(f, Finding::MotorDoesNotFollow(_)),
+        ),
+        (
+            "position is not a number",
+            Mistakes { not_a_number: Some(0), ..sound },
+            Step::Listening,
+            |f| matches!(f, Finding::NotANumber(0)),
+        ),
+        (
+            "motor speed is not a number",
+            Mistakes { not_a_number: Some(6), ..sound },
+            Step::Listening,
+            |f| matches!(f, Finding::NotANumber(6)),
+        ),
+    ];
+    for (name, mistakes, step, is_it) in cases {
+        let ran = run(mistakes);
+        let (failed, finding) = ran.failure();
+        assert!(failed == step && is_it(&finding), "{name}: {failed:?}, {finding:?}");
+        assert!(ran.moved() < 0.5e-3, "{name} moved the piston by {} m", ran.moved());
+        assert!(!ran.sequence.has_passed() && ran.sequence.is_over(), "{name}");
+        // names its quantity and what to do
+        assert!(finding.to_string().contains(':') || finding == Finding::NotReady, "{finding}");
+    }
+}
+
+#[test]
+fn a_position_with_a_wrong_sign_is_found_by_the_release_and_a_wrong_scale_by_the_travel() {
+    let ran = run(Mistakes { is_position_reversed: true, ..Mistakes::default() });
+    let (step, finding) = ran.failure();
+    assert_eq!(step, Step::Release, "{finding:?}");
+    assert!(matches!(finding, Finding::PositionReversed(_)), "{finding:?}");
+    assert!(ran.moved() < Settings::default().release_movement, "{}", ran.moved());
+    for position_scale in [0.9, 1.1] {
+        let ran = run(Mistakes { position_scale, ..Mistakes::default() });
+        let (step, finding) = ran.failure();
+        assert!(step == Step::Travel && matches!(finding, Finding::Scale(_)), "{finding:?}");
+        let s = Settings::default();
+        let bound = s.release_movement + s.travel + s.travel_deviation;
+        assert!(ran.moved() < bound, "{}", ran.moved());
+    }
+}
+
+#[test]
+fn without_room_below_the_load_the_polarity_is_skipped_and_said() {
+    let ran = run_with(Mistakes::default(), |s| (s.pressure_room, s.draining) = (500e5, 0.5));
+    let outcome = ran.sequence.outcomes()[Step::Polarity.place()];
+    assert!(matches!(outcome, Some(Outcome::Skipped(Reason::NoRoom(_)))), "{outcome:?}");
+    assert!(ran.sequence.has_passed());
+}
+
+#[test]
+fn the_record_is_valid_for_what_was_commissioned_only() {
+    let path = std::env::temp_dir().join(format!("commissioning-{}.toml", std::process::id()));
+    let ran = run(Mistakes::default());
+    let basis = Basis {
+        crane: Description::uia_single_boom().unwrap().digest(),
+        bus_table: String::new(),
+        devices: Vec::new(),
+        version: "0".into(),
+        is_simulated: true,
+    };
+    std::fs::write(&path, record::text(&basis, "virtual", "2026-01-01T00:00:00Z", &ran.sequence))
+        .unwrap();
+    assert!(record::check(&path, &basis).is_ok());
+    let mut other = Description::uia_single_boom().unwrap();
+    other.set("payload.mass_kg=300").unwrap();
+    let changed = Basis { crane: other.digest(), ..basis.clone() };
+    let said = record::check(&path, &changed).unwrap_err().to_string();
+    assert!(said.contains("the crane file"), "{said}");
+    // of a simulated machine it is no record of a real one
+    let real = Basis { is_simulated: false, ..basis.clone() };
+    assert!(record::check(&path, &real).unwrap_err().to_string().contains("real"));
+    let failed = run(Mistakes { is_watchdog_off: true, ..Mistakes::default() });
+    std::fs::write(&path, record::text(&basis, "virtual", "", &failed.sequence)).unwrap();
+    let said = record::check(&path, &basis).unwrap_err().to_string();
+    assert!(said.contains("watchdog failed"), "{said}");
+    std::fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn a_person_ends_it_at_once_and_the_load_is_held() {
+    let model = Description::uia_single_boom().unwrap();
+    let limits = limits(&model, model.numbers.slow).unwrap();
+    for at in [Step::Watchdog, Step::Release, Step::Travel, Step::StopDistance] {
+        let mut sequence = Sequence::new(limits, Settings::default(), true);
+        let crane = Description::uia_virtual().unwrap();
+        let mut machine = SimulatedMachine::new(&crane, Mistakes::default()).unwrap();
+        let person = Person::default();
+        let mut periods = 0;
+        run_simulated(&mut sequence, &mut machine, false, &person, &mut |sequence, _| {
+            periods += u32::from(sequence.step() == at);
+            if periods == 200 {
+                person.end();
+            }
+        })
+        .unwrap();
+        let outcome = sequence.outcomes()[at.place()];
+        assert_eq!(outcome, Some(Outcome::Failed(Finding::Ended)), "{at:?}");
+        (0..300).for_each(|_| machine.advance().unwrap());
+        let truth = machine.crane().truth();
+        assert!(truth.motor_speed.abs() < 1e-3 && truth.pilot < 0.5, "{at:?}");
+    }
+}
