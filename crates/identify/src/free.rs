@@ -61,7 +61,7 @@ impl Free {
         let free = Self::from_path(path)?;
         if KEYS[free.place].is_whole {
             let suggestion =
-                " that is moved: it is a whole number; set it by --set, and compare".into();
+                " that can be tuned: it is a whole number; set it by --set, and compare".into();
             return Err(IdentifyError::Key { key: free.path(), suggestion });
         }
         if free.is_of_model() {

@@ -81,8 +81,8 @@ fn keys_that_cannot_be_free_are_refused_with_the_reason() {
     assert!(hydroboom(&["simulate", "--hold-s", "1", "--log", &log]).status.success());
     let tune = |key: &str| hydroboom(&["tune", "--log", &log, "--free", key]);
     fails_with(&tune("friction.law"), "it is a choice and no number");
-    fails_with(&tune("motion.fast_mm_s"), "[motion] is of what is around it");
-    fails_with(&tune("controller.proportional_per_s"), "[controller] is of what is around it");
+    fails_with(&tune("motion.fast_mm_s"), "[motion] is not the machine's");
+    fails_with(&tune("controller.proportional_per_s"), "[controller] is not the machine's");
     fails_with(&tune("pump.pistons"), "it is a whole number");
     fails_with(&tune("payload.mas_kg"), "did you mean payload.mass_kg?");
     fails_with(&tune("mass_kg"), "payload.mass_kg");
@@ -228,7 +228,7 @@ fn the_papers_figures_are_shown_for_its_own_crane_only() {
     };
     let study = ["study", "--out", out.to_str().unwrap()];
     let eigen = ["eigen", "--stroke-mm", "200"];
-    for command in [&study[..], &eigen, &["motion", "--scenario", "small-moves"], &["motion"]] {
+    for command in [&study[..], &eigen, &["motion"]] {
         let other = printed(&[command, &["--crane", &crane]].concat());
         for of_paper in ["RMS paper", "paper states", "paper simulated", "paper measured", "Table"]
         {
@@ -258,16 +258,16 @@ fn overrides_are_applied_together_and_not_to_a_separate_plant() {
         let both = hydroboom(&["check", "--set", first, "--set", second]);
         assert!(both.status.success(), "{}", String::from_utf8_lossy(&both.stderr));
     }
-    let motion = [
-        "motion",
-        "--plant",
-        "virtual",
-        "--scenario",
-        "small-moves",
-        "--set",
+    let short = [
         "payload.mass_kg=300",
-    ];
-    let output = hydroboom(&motion);
+        "motion.start_mm=200",
+        "motion.end_mm=240",
+        "motion.ramp_s=0.5",
+        "motion.dwell_s=0.5",
+        "motion.rest_s=0.5",
+    ]
+    .map(|set| ["--set", set]);
+    let output = hydroboom(&[&["motion", "--plant", "virtual"], &short.concat()[..]].concat());
     let note = "--set is of the model only: the plant \"UiA single boom, virtual\" keeps";
     assert!(String::from_utf8_lossy(&output.stderr).contains(note), "{output:?}");
 }

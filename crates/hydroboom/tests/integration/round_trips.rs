@@ -1,6 +1,7 @@
 //! Written files are read back bit-identically in every format.
 
 use crate::support::command::{files, folder, hydroboom, parsed};
+use crate::support::short_crane::short_crane;
 use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, read};
 use serde_json::Value;
 use std::fs;
@@ -173,7 +174,7 @@ fn motion_tests_are_read_back_and_their_report_has_its_figures() {
     assert_eq!(files.iter().filter(|name| name.ends_with(".svg")).count(), drawn);
     assert_eq!(files.iter().filter(|name| name.ends_with(".csv")).count(), drawn);
     // the data of a figure are all those of the runs
-    let error = files.iter().find(|n| n.contains("how-far") && n.ends_with(".csv")).unwrap();
+    let error = files.iter().find(|n| n.contains("tracking-error") && n.ends_with(".csv")).unwrap();
     let figure = columns(&at(&format!("out/motion-figures/{error}")));
     let run = logs.iter().find(|p| p.to_str().unwrap().contains("velocity-feedforward")).unwrap();
     let run = columns(run.to_str().unwrap());
@@ -205,17 +206,8 @@ fn a_report_states_how_it_was_made() {
     assert!(drawn > 0 && count("svg") == drawn && count("csv") == drawn, "{drawn}: {figures:?}");
     assert!(page.contains(r"it'\''s a crane.toml'"), "quoted for a shell");
     assert!(!page.contains("<dt>seed</dt>"));
-    made(&[
-        "motion",
-        "--family",
-        "1",
-        "--seed",
-        "77",
-        "--scenario",
-        "saturation",
-        "--out",
-        &at("f"),
-    ]);
+    let short = short_crane(&folder("origin-crane"));
+    made(&["motion", "--family", "1", "--seed", "77", "--crane", &short, "--out", &at("f")]);
     let page = fs::read_to_string(at("f/family.html")).unwrap();
     assert!(page.contains("<dt>seed</dt><dd>77</dd>"));
 }
