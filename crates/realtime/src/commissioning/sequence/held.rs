@@ -186,7 +186,8 @@ impl Sequence {
         let slow = self.slow();
         self.motor = self.ramped(slow);
         let read = self.smooth[MOTOR];
-        for (half, speed) in self.half.iter_mut().zip([self.motor, self.read_motor()]) {
+        let speeds = [self.motor, self.read_motor()];
+        for (half, speed) in self.half.iter_mut().zip(speeds) {
             if half.is_nan() && speed / slow >= 0.5 {
                 *half = self.time;
             }
