@@ -26,6 +26,7 @@ pub mod bus_task;
 pub mod check;
 pub mod cia402;
 pub mod cycle_record;
+pub mod diagnosis;
 mod drive;
 pub mod fault;
 pub mod frame_ring;

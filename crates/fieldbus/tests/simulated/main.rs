@@ -10,6 +10,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 mod bench;
 mod crane;
+mod diagnosis;
 mod faults;
 mod operation;
 mod start_up;

@@ -1,7 +1,7 @@
 //! `hydroboom run`
 
 mod attachment;
-mod bus;
+pub mod bus;
 mod bus_log;
 mod page;
 mod process;
