@@ -10,6 +10,7 @@
 //! a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
 //! [`Bus::act`](bus::Bus::act). The control task has a [`FieldbusMachine`](machine::FieldbusMachine). Frames go over
 //! a [`Link`](link::Link), and time is that of [`time`]: the clock's, or one that a thread simulates.
+//! [`diagnosis`] says why a bus does not run.
 
 // what runs in the bus task cannot panic
 #![deny(

@@ -89,8 +89,8 @@ impl Controller {
         self.memory.set(DATA_LINK_STATUS, &status.to_le_bytes());
     }
 
-    /// Counts a damaged frame that came by a port: as an invalid frame, and as an error of the receiver. Counters stop at
-    /// 255.
+    /// Counts a damaged frame that came by a port: as an invalid frame, and as an error of the receiver. Counters stop
+    /// at 255.
     pub(crate) fn count_damaged_frame(&mut self, port: u8) {
         for counter in [0, 1] {
             let register = ERROR_COUNTERS + 2 * u16::from(port.min(3)) + counter;

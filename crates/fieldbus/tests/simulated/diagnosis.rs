@@ -106,7 +106,7 @@ fn devices_that_are_not_the_tables_are_named() {
     let clock = DistributedClock::new(9, 0);
     let other = Settings::new("stranger", identity);
     case.devices.insert(3, DigitalOutput::device(other, 8, clock, Box::new(|_| {})));
-    case.error(&["stranger at position 3", "product 0x00000005", "not in the table"]);
+    case.error(&["stranger", "at position 3", "product 0x00000005", "not in the table"]);
 
     let mut case = Case::new();
     case.devices.swap(1, 2);
@@ -193,6 +193,11 @@ fn a_device_with_an_error_is_named_with_its_al_status_code() {
     let case = Case::with_drive(|settings| settings.synchronisation.base_cycle = 300_000);
     case.error(&["drive (position 1) refuses SAFEOP", "0x0035", "bus.period_us"]);
 
+    // its EEPROM has a longer mailbox than its firmware
+    let mut case = Case::new();
+    case.devices[1].controller.eeprom.content[2 * 0x19] += 8;
+    case.error(&["drive (position 1) refuses PREOP", "0x0016", "EEPROM"]);
+
     let mut case = Case::new();
     case.devices[1].inject(Fault::StateDrop(AlStatusCode::SyncManagerWatchdog), 0);
     case.warning(&["drive (position 1) had an error before", "0x001B"]);
@@ -213,4 +218,6 @@ fn late_frames_are_laid_to_the_network_card_where_it_gathers_them() {
     let late = (Severity::Error, Stage::Timing);
     assert_eq!(of(&card), [(Severity::Error, Stage::Host), late]);
     assert_eq!(of(&HostFacts::default()), [late]);
+    let quick = HostFacts { gathering_us: Some(0), is_adaptive: Some(false), ..card };
+    assert_eq!(of(&quick), [late]);
 }

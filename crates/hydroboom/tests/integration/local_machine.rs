@@ -72,12 +72,24 @@ fn a_bus_that_cannot_be_opened_is_told_before_anything_else_is_done() {
         (vec!["ethercat:lo", "--bus", &bus], ["loopback", "first device"]),
         (vec!["virtual", "--bus", &bus], ["--bus", "ethercat:eth1"]),
     ] {
-        let output = hydroboom(&[&["run", "--auto", "--machine"], &arguments[..]].concat());
-        let said = in_one_line(&String::from_utf8_lossy(&output.stderr));
-        assert!(!output.status.success(), "{arguments:?}: {said}");
-        for part in parts {
-            assert!(said.contains(part), "{arguments:?}: {part} is not in: {said}");
-        }
+        refuses(&[&["run", "--auto", "--machine"], &arguments[..]].concat(), parts);
+    }
+    for (arguments, parts) in [
+        (vec!["--bus", "lo"], ["[machine.ethercat]", "--table FILE"]),
+        (vec!["--bus", "nowhere0", "--table", &bus], ["no network interface nowhere0", "lo"]),
+        (vec!["--bus", "lo", "--table", &bus], ["loopback", "first device"]),
+        (vec!["--table", &bus], ["--bus <INTERFACE>", "required"]),
+    ] {
+        refuses(&[&["doctor"], &arguments[..]].concat(), parts);
+    }
+}
+
+fn refuses(arguments: &[&str], parts: [&str; 2]) {
+    let output = hydroboom(arguments);
+    let said = in_one_line(&String::from_utf8_lossy(&output.stderr));
+    assert!(!output.status.success(), "{arguments:?}: {said}");
+    for part in parts {
+        assert!(said.contains(part), "{arguments:?}: {part} is not in: {said}");
     }
 }
 

@@ -4,7 +4,6 @@ use super::name;
 use crate::check::{DeviceFacts, Subject, mismatches};
 use crate::diagnosis::facts::{BusFacts, PORTS};
 use crate::diagnosis::finding::{Finding, Stage};
-use crate::start_up::MOST_DEVICES;
 use crate::table::{DeviceRow, Table};
 
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
@@ -67,20 +66,13 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     }
 }
 
-/// The first identity that differs, and more devices than this program can have.
+/// The first identity that differs.
 fn described(table: &Table, bus: &BusFacts) -> Vec<Finding> {
-    let different = mismatches(table, &bus.devices)
+    mismatches(table, &bus.devices)
         .into_iter()
         .filter(|found| found.subject == Subject::Devices)
-        .map(|found| Finding::error(Stage::Devices, found.cause, found.advice));
-    let too_many = (bus.devices.len() > MOST_DEVICES).then(|| {
-        Finding::error(
-            Stage::Devices,
-            format!("{} devices answer, a bus has at most {MOST_DEVICES}", bus.devices.len()),
-            "divide them among two buses",
-        )
-    });
-    different.chain(too_many).collect()
+        .map(|found| Finding::error(Stage::Devices, found.cause, found.advice))
+        .collect()
 }
 
 /// Whether a device is of a row's kind, whatever its revision.

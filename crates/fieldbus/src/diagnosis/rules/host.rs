@@ -4,24 +4,22 @@ use crate::bus_task::PRIORITY;
 use crate::diagnosis::finding::{Finding, Stage};
 use crate::diagnosis::host::HostFacts;
 
-/// Longest time that a card may gather frames before it interrupts \[us\].
-const LONGEST_GATHERING: u64 = 5;
+/// Priority for the interrupt: above the bus task's and above the simulation's 80.
+const INTERRUPT: i32 = 85;
 
 pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
     let HostFacts { interface, .. } = host;
     let mut found = Vec::new();
-    if let Some(us) = host.gathering_us.filter(|us| *us > LONGEST_GATHERING) {
+    let gathers = match (host.gathering_us, host.is_adaptive) {
+        // with 1 and 3 some cards choose a time by themselves, of up to 250 us (igb, e1000e)
+        (Some(us), _) if us > 0 => Some(format!("its rx-usecs is {us}")),
+        (_, Some(true)) => Some("its adaptive-rx is on".into()),
+        _ => None,
+    };
+    if let Some(how) = gathers {
         found.push(Finding::warning(
             Stage::Host,
-            format!(
-                "the network card of {interface} gathers frames for {us} us before it interrupts"
-            ),
-            format!("ethtool -C {interface} adaptive-rx off rx-usecs 0"),
-        ));
-    } else if host.is_adaptive == Some(true) {
-        found.push(Finding::warning(
-            Stage::Host,
-            format!("the network card of {interface} gathers frames for a time that it adapts"),
+            format!("the network card of {interface} gathers frames before it interrupts ({how})"),
             format!("ethtool -C {interface} adaptive-rx off rx-usecs 0"),
         ));
     }
@@ -45,7 +43,7 @@ pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
                 running",
                 thread.name
             ),
-            format!("chrt -f -p {} {}", PRIORITY + 5, thread.pid),
+            format!("chrt -f -p {INTERRUPT} {}", thread.pid),
         ));
     }
     found

@@ -20,12 +20,9 @@ pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding>
     let mut found = cable::findings(table, bus);
     found.extend(devices::findings(table, bus));
     found.extend(start_up(table, bus));
-    if has_the_tables_devices(table, bus) {
-        let described = mismatches(table, &bus.devices).into_iter().filter(|found| {
-            // of a device that could not be read to its end the lists are not known
-            bus.failed.is_empty() && found.subject != Subject::Devices
-        });
-        found.extend(described.map(|found| {
+    // what of the devices could not be read to its end is not known
+    if bus.set_up.len() == table.devices.len() && bus.failed.is_empty() {
+        found.extend(mismatches(table, &bus.devices).into_iter().map(|found| {
             let stage = match found.subject {
                 Subject::Devices => Stage::Devices,
                 Subject::ProcessData => Stage::ProcessData,
@@ -41,7 +38,7 @@ pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding>
     found.extend(state::findings(table, bus));
     let timing = timing::findings(table, bus, &found);
     // what delays frames is worse where frames are late
-    let is_late = timing.iter().any(|finding| finding.severity == Severity::Error);
+    let is_late = timing::is_held_up(bus, &found);
     let by_host = host::findings(host).into_iter();
     found.extend(by_host.map(|finding| match is_late {
         true => Finding { severity: Severity::Error, ..finding },

@@ -48,7 +48,8 @@ fn activation(this: &str, row: &DeviceRow, shown: &SetUp, modes: &[u16]) -> Opti
         ));
     }
     let fitting = || modes.iter().filter(|mode| *mode & 0x0700 == row.sync.activation());
-    let is_left = wanted != 0 && fitting().count() > 0 && fitting().all(|mode| *mode as u8 != unit);
+    let lacks = |mode: &u16| *mode as u8 & !unit != 0;
+    let is_left = wanted != 0 && fitting().count() > 0 && fitting().all(lacks);
     is_left.then(|| {
         let mode = fitting().next().copied().unwrap_or_default();
         Finding::warning(

@@ -4,15 +4,25 @@ use crate::diagnosis::facts::BusFacts;
 use crate::diagnosis::finding::{Finding, Severity, Stage};
 use crate::table::Table;
 
+/// Whether more frames are late or lost than are borne, and no damaged cable explains it.
+pub(super) fn is_held_up(bus: &BusFacts, others: &[Finding]) -> bool {
+    bus.listening.is_some_and(|seen| {
+        seen.has_too_many_late || seen.has_too_many_lost && !has_damaged_cable(others)
+    })
+}
+
+fn has_damaged_cable(others: &[Finding]) -> bool {
+    let is_cable =
+        |other: &Finding| other.severity == Severity::Error && other.stage == Stage::Cable;
+    others.iter().any(is_cable)
+}
+
 /// Findings of the frames; `others` were found before.
 pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec<Finding> {
     let Some(seen) = &bus.listening else { return Vec::new() };
     let mut found = Vec::new();
     let us = |ns: u64| format!("{:.0}", 1e-3 * ns as f64);
-    // a damaged cable explains losses: what the computer does is not looked for then
-    let is_explained =
-        others.iter().any(|other| other.severity == Severity::Error && other.stage == Stage::Cable);
-    if seen.lost > 0 && !is_explained {
+    if seen.lost > 0 && !has_damaged_cable(others) {
         let finding = if seen.has_too_many_lost { Finding::error } else { Finding::warning };
         found.push(finding(
             Stage::Timing,

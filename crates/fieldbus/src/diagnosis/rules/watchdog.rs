@@ -35,14 +35,16 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             ));
         }
         if let Some(manager) = shown.output_managers.iter().find(|m| !m.feeds_watchdog) {
-            found.push(Finding::error(
+            let is_commanded = table.commanded.iter().any(|row| row.place.device == position);
+            let finding = if is_commanded { Finding::error } else { Finding::warning };
+            found.push(finding(
                 Stage::Watchdog,
                 format!(
                     "sync manager {} of {this} does not feed the watchdog (bit 6 of its control byte): its \
                     outputs stay on where this computer stops",
                     manager.number
                 ),
-                "ask its maker for an EEPROM that sets this bit",
+                "read in its manual what it does without frames, and whether its EEPROM can set this bit",
             ));
         }
     }
