@@ -1,6 +1,6 @@
 //! Wrong buses, of which the first sentence names the cause; right ones, of which nothing is said.
 
-use crate::bench::{Shared, SimulatedLink, devices, table};
+use crate::bench::{Shared, SimulatedLink, devices, example, table};
 use hydroboom_device_simulator::al_status_code::AlStatusCode;
 use hydroboom_device_simulator::applications::{DigitalOutput, VelocityUnit};
 use hydroboom_device_simulator::controller::DistributedClock;
@@ -79,10 +79,15 @@ fn of_a_right_bus_with_one_exchange_nothing_is_said() {
     assert_eq!(case.diagnosis().findings, []);
 }
 
+/// By SYNC1, with its own watchdog, and with the reference clock, as there is no coupler before it.
 #[test]
-fn of_a_right_bus_with_a_drive_by_sync1_and_its_own_watchdog_nothing_is_said() {
+fn of_a_right_bus_that_begins_with_a_drive_by_sync1_nothing_is_said() {
     let mut case = Case::with_drive(|settings| settings.longest_watchdog = Some(100_000_000));
-    let drive = &mut case.table.devices[1];
+    case.devices.remove(0);
+    let (bus, devices) = example().split_once("[[device]]").unwrap();
+    let (_coupler, others) = devices.split_once("[[device]]").unwrap();
+    case.table = Table::parse("no coupler", &format!("{bus}[[device]]{others}")).unwrap();
+    let drive = &mut case.table.devices[0];
     (drive.sync, drive.watchdog) = (Sync::Sync01(1_000_000), None);
     drive.start_up.iter_mut().filter(|sdo| sdo.index == 0x1c32).for_each(|sdo| sdo.value = 3);
     assert_eq!(case.diagnosis().findings, []);

@@ -43,8 +43,10 @@ pub fn read_table(file: Option<&Path>, crane: &CraneFile, option: &str) -> Resul
     let table = Table::parse_in_crane_file(&name, &crane.text()?).into_diagnostic()?;
     let table = table.ok_or_else(|| {
         miette!(
-            help = "name its file with {option}, or write it into the crane file; \
-                    docs/reference/ethercat-table.md has a complete one",
+            help = format!(
+                "name its file with {option}, or write it into the crane file; \
+                 docs/reference/ethercat-table.md has a complete one"
+            ),
             "{name}: there is no table [machine.ethercat], so that the devices on the bus are not known"
         )
     })?;
