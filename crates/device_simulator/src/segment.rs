@@ -84,13 +84,22 @@ impl Segment {
             .take(self.connected)
             .collect();
         let Some(turn) = arrivals.last().copied() else { return false };
-        let mut is_whole = false;
+        let (mut is_whole, mut is_damaged) = (false, false);
         for (number, (device, arrival)) in connected.iter_mut().zip(&arrivals).enumerate() {
             device.advance(*arrival);
             let is_last = number + 1 == arrivals.len();
             // the frame comes back from the last device as late as it went there
             let back = (!is_last).then(|| 2 * turn - arrival);
             device.controller.ports = [Some(*arrival), back, None, None];
+            // a damaged frame goes on, and nobody takes anything from it
+            if is_damaged {
+                device.controller.count_forwarded_frame(0);
+                continue;
+            }
+            is_damaged = !device.receives(0);
+            if is_damaged {
+                continue;
+            }
             let hears = device.hears();
             is_whole = for_each_datagram(frame, |datagram| {
                 if hears {
@@ -101,12 +110,20 @@ impl Segment {
                 return false;
             }
         }
+        // back from the last device, by the ports behind which others are
+        for device in connected.iter_mut().rev().skip(1) {
+            if is_damaged {
+                device.controller.count_forwarded_frame(1);
+            } else {
+                is_damaged = !device.receives(1);
+            }
+        }
         // those behind a broken cable live on
         self.devices[self.connected..].iter_mut().for_each(|device| device.advance(now));
         if self.lost > 0 {
             self.lost -= 1;
             return false;
         }
-        is_whole
+        is_whole && !is_damaged
     }
 }

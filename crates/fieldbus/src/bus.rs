@@ -19,7 +19,7 @@ use crate::frame_ring::FrameRing;
 use crate::link::Link;
 use crate::machine::{BusSide, FieldbusMachine, Taken, hand_over};
 use crate::pace::Pace;
-use crate::start_up::{Devices, StartError, al_text};
+use crate::start_up::{Devices, StartError, al_text, to_init};
 use crate::table::{Invalid, MEASURED, Table};
 use crate::time::now;
 use crate::wire::Wire;
@@ -34,19 +34,15 @@ use rtrb::{Consumer, Producer, RingBuffer};
 /// Periods without a new command after which the safe command is sent.
 const COMMAND_PERIODS: u32 = 2;
 /// Time after SYNC0 until which an answer is waited for, before the end of the period \[ns\].
-const MARGIN: u64 = 50_000;
+pub(crate) const MARGIN: u64 = 50_000;
 /// Longest time that is told from longer ones \[ns\].
 const LONGEST: u64 = 1_000_000_000;
 /// Delays are means over about so many commands.
 const AVERAGED: f64 = 256.0;
 /// Records on their way to the log, at most: four seconds at 1 ms.
 const RECORDS: usize = 4096;
-/// State INIT, as it is requested.
-const INIT: u8 = 1;
 /// State OP in records.
 const OP: u8 = 8;
-/// Frames by which devices are told to go to INIT, where the ones before were lost.
-const TRIES: u32 = 3;
 /// Time for which drives are waited for to switch off before the bus ends, after they may have braked \[ns\].
 const UNTIL_OFF: u64 = 500_000_000;
 /// Signals of an axis; the measured signal after them is the valve's position switch.
@@ -632,16 +628,7 @@ impl<L: Link> Bus<L> {
                 break;
             }
         }
-        let main = self.wire.main;
-        let init = ethercrab::Command::bwr(RegisterAddress::AlControl.into());
-        for _ in 0..TRIES {
-            let end = now() + self.table.bus.period;
-            let sent = self.wire.run_until(init.send(main, [INIT, 0]), end);
-            // who does not hear it has its watchdog
-            if sent.is_some_and(|sent| sent.is_ok()) {
-                return;
-            }
-        }
+        to_init(&mut self.wire, self.table.bus.period);
     }
 
     /// The fault in a sentence, with what to do.

@@ -22,7 +22,7 @@ use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
 
 /// Priority under SCHED_FIFO: between the simulation and the control task, whose core it shares.
-const PRIORITY: i32 = 75;
+pub(crate) const PRIORITY: i32 = 75;
 
 /// What a bus came to.
 #[derive(Clone, Debug)]

@@ -2,6 +2,7 @@
 
 use crate::cia402::HAS_CYCLIC_VELOCITY;
 use crate::table::{DeviceRow, Pdo, Sync, Table};
+use std::fmt::{self, Display, Formatter};
 
 /// What a device says of itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,23 +41,57 @@ impl DeviceFacts {
     }
 }
 
+/// What a mismatch is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// Number, order and identity of the devices.
+    Devices,
+    /// Lists of process data.
+    ProcessData,
+    /// Distributed clock and its modes.
+    Synchronisation,
+    /// Mode of operation and velocity unit of a drive.
+    Drive,
+}
+
+/// What of a device is not as the table says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mismatch {
+    /// What it is of.
+    pub subject: Subject,
+    /// What differs.
+    pub cause: String,
+    /// What to do.
+    pub advice: String,
+}
+
+impl Display for Mismatch {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.cause, self.advice)
+    }
+}
+
 /// Sizes of velocity units are compared to this share.
 const SAME_UNIT: f64 = 1e-6;
 /// Target velocity and velocity actual value.
 const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
 
 /// All mismatches.
-pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<String> {
+pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
     let mut found = Vec::new();
     if facts.len() != table.devices.len() {
         let names: Vec<&str> = facts.iter().map(|device| device.name.as_str()).collect();
-        found.push(format!(
-            "{} devices answer ({}), the table has {}: look at cables and supply behind the last of \
-            them, or correct the table",
-            facts.len(),
-            names.join(", "),
-            table.devices.len()
-        ));
+        found.push(Mismatch {
+            subject: Subject::Devices,
+            cause: format!(
+                "{} devices answer ({}), the table has {}",
+                facts.len(),
+                names.join(", "),
+                table.devices.len()
+            ),
+            advice: "look at cables and supply behind the last of them, or correct the table"
+                .into(),
+        });
     }
     let rows = || table.devices.iter().zip(facts).enumerate();
     found.extend(rows().find_map(|(position, (row, device))| identity(position, row, device)));
@@ -78,7 +113,7 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<String> {
     found
 }
 
-fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String> {
+fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let [vendor, product, revision] = device.identity;
     let [low, high] = row.revision;
     let of = format!(
@@ -87,21 +122,23 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<St
         device.name
     );
     if (vendor, product) != (row.vendor, row.product) {
-        return Some(format!(
-            "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there: look at the order of the \
-            devices, or correct the table",
-            row.name, row.vendor, row.product
-        ));
+        return Some(Mismatch {
+            subject: Subject::Devices,
+            cause: format!(
+                "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there",
+                row.name, row.vendor, row.product
+            ),
+            advice: "look at the order of the devices, or correct the table".into(),
+        });
     }
-    (!(low..=high).contains(&revision)).then(|| {
-        format!(
-            "{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}: read what its maker changed, \
-            then widen the range"
-        )
+    (!(low..=high).contains(&revision)).then(|| Mismatch {
+        subject: Subject::Devices,
+        cause: format!("{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}"),
+        advice: "read what its maker changed, then widen the range".into(),
     })
 }
 
-fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<String> {
+fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<Mismatch> {
     let sides = [
         ("outputs", "0x1C12", &row.outputs, &device.outputs),
         ("inputs", "0x1C13", &row.inputs, &device.inputs),
@@ -109,17 +146,21 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<S
     sides
         .into_iter()
         .filter(|(_, _, table, device)| !same(table, device))
-        .map(|(side, object, table, device)| {
-            let todo = match row.is_mapping_written {
-                true => "it does not take what the table writes: correct the table by its manual",
-                false => "correct the table, or set mapping = \"written\" where the device allows it",
-            };
-            format!(
-                "{side} of {} (position {position}) are {} ({object} or EEPROM), the table has {}: {todo}",
+        .map(|(side, object, table, device)| Mismatch {
+            subject: Subject::ProcessData,
+            cause: format!(
+                "{side} of {} (position {position}) are {} ({object} or EEPROM), the table has {}",
                 row.name,
                 text(device),
                 text(table)
-            )
+            ),
+            advice: match row.is_mapping_written {
+                true => "it does not take what the table writes: correct the table by its manual",
+                false => {
+                    "correct the table, or set mapping = \"written\" where the device allows it"
+                }
+            }
+            .into(),
         })
         .collect()
 }
@@ -144,17 +185,21 @@ fn text(lists: &[Pdo]) -> String {
     }
 }
 
-fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String> {
+fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
+    let subject = Subject::Synchronisation;
     let wanted = row.sync.activation();
     if wanted == 0 {
         return None;
     }
     if !device.has_clock {
-        return Some(format!(
-            "{} (position {position}) has no distributed clock, the table has sync for it: set sync = \
-            \"none\"",
-            row.name
-        ));
+        return Some(Mismatch {
+            subject,
+            cause: format!(
+                "{} (position {position}) has no distributed clock, the table has sync for it",
+                row.name
+            ),
+            advice: "set sync = \"none\"".into(),
+        });
     }
     let has = device.activations.iter().any(|mode| mode & 0x0700 == wanted);
     let modes: Vec<String> =
@@ -163,29 +208,33 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
         Sync::Sync01(_) => "SYNC0 and SYNC1",
         _ => "SYNC0",
     };
-    (!has && !device.activations.is_empty()).then(|| {
-        format!(
+    (!has && !device.activations.is_empty()).then(|| Mismatch {
+        subject,
+        cause: format!(
             "{} (position {position}) has the activations {} in its EEPROM, the table asks for \
-            0x{wanted:04X} ({name}): take one that it has",
+            0x{wanted:04X} ({name})",
             row.name,
             modes.join(", ")
-        )
+        ),
+        advice: "take one that it has".into(),
     })
 }
 
-fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String> {
+fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let modes = device.modes?;
-    (modes & HAS_CYCLIC_VELOCITY == 0).then(|| {
-        format!(
+    (modes & HAS_CYCLIC_VELOCITY == 0).then(|| Mismatch {
+        subject: Subject::Drive,
+        cause: format!(
             "{} (position {position}) does not have cyclic synchronous velocity (0x6502 is \
-            0x{modes:08X}, bit 8 is 0): set it up in the drive, or take another drive",
+            0x{modes:08X}, bit 8 is 0)",
             row.name
-        )
+        ),
+        advice: "set it up in the drive, or take another drive".into(),
     })
 }
 
 /// The velocity unit that a drive states, against the table's factors.
-fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<String> {
+fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Mismatch> {
     let Some(unit) = device.velocity_unit else { return Vec::new() };
     let row = &table.devices[position];
     let place = |lists: &[Pdo], index: u16| {
@@ -207,13 +256,15 @@ fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Strin
             at.device == position && Some(at.bit) == place(lists, *index)
         })
         .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > SAME_UNIT)
-        .map(|(_, scale, index)| {
-            format!(
+        .map(|(_, scale, index)| Mismatch {
+            subject: Subject::Drive,
+            cause: format!(
                 "one unit of 0x{index:04X} of {} (position {position}) is {unit:e} rev/s by its objects \
-                0x60A9 or 0x608F, 0x6091 and 0x6096, the table's factor is {:e}: write the device's",
+                0x60A9 or 0x608F, 0x6091 and 0x6096, the table's factor is {:e}",
                 row.name,
                 scale.factor.abs()
-            )
+            ),
+            advice: "write the device's".into(),
         })
         .collect()
 }

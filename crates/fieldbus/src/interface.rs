@@ -170,7 +170,7 @@ fn internet(address: &SockaddrStorage) -> Option<IpAddr> {
 }
 
 /// The system's folder of an interface; none where it shows those of another network namespace.
-fn described_by_system(name: &str, index: usize) -> Option<PathBuf> {
+pub(crate) fn described_by_system(name: &str, index: usize) -> Option<PathBuf> {
     let folder = Path::new("/sys/class/net").join(name);
     let shown = fs::read_to_string(folder.join("ifindex")).ok()?;
     (shown.trim().parse() == Ok(index)).then_some(folder)

@@ -10,6 +10,7 @@
 //! a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
 //! [`Bus::act`](bus::Bus::act). The control task has a [`FieldbusMachine`](machine::FieldbusMachine). Frames go over
 //! a [`Link`](link::Link), and time is that of [`time`]: the clock's, or one that a thread simulates.
+//! [`diagnosis`] says why a bus does not run.
 
 // what runs in the bus task cannot panic
 #![deny(
@@ -26,6 +27,7 @@ pub mod bus_task;
 pub mod check;
 pub mod cia402;
 pub mod cycle_record;
+pub mod diagnosis;
 mod drive;
 pub mod fault;
 pub mod frame_ring;

@@ -10,7 +10,7 @@
 //! (`mailbox/coe/mod.rs:231`), and a panic of a start-up is caught and told.
 
 use crate::bus::{Bus, Times};
-use crate::check::{DeviceFacts, mismatches};
+use crate::check::{DeviceFacts, Mismatch, mismatches};
 use crate::frame_ring::FrameRing;
 use crate::link::Link;
 use crate::pace::Pace;
@@ -19,7 +19,7 @@ use crate::table::{DeviceRow, Entry, NumberType, Pdo, StartUp, Sync, Table};
 use crate::time::now;
 use crate::wire::Wire;
 use ethercrab::error::{CoeAbortCode, Error, MailboxError};
-use ethercrab::subdevice_group::{DcConfiguration, HasDc, NoDc, Op, PreOp};
+use ethercrab::subdevice_group::{DcConfiguration, HasDc, NoDc, Op, PreOp, PreOpPdi, SafeOp};
 use ethercrab::{
     AlStatusCode, DcSync, DefaultLock, EtherCrabWireReadSized, EtherCrabWireWrite,
     MainDeviceConfig, RegisterAddress, SubDevice, SubDeviceGroup, SubDeviceRef, SubDeviceState,
@@ -42,6 +42,10 @@ pub(crate) type Devices<S, C = HasDc> =
 const FIRST_PULSE: u64 = 100_000_000;
 /// Time that devices have to go from SAFEOP to OP \[ns\]; drives that lock onto SYNC0 take hundreds of milliseconds.
 const UNTIL_OP: u64 = 5_000_000_000;
+/// State INIT, as it is requested.
+const INIT: u8 = 1;
+/// Frames by which devices are told to go to INIT, where the ones before were lost.
+const TRIES: u32 = 3;
 /// Divider of the watchdogs: units of 40 ns in 100 us, less two.
 const WATCHDOG_DIVIDER: u16 = 2498;
 /// Longest version of a device's software that is read \[byte\].
@@ -121,53 +125,70 @@ fn prepare<L: Link>(
     }
     // what another device than the table's would be written is not known
     if facts.len() != table.devices.len() || !identities_fit(table, &facts) {
-        return Err(StartError::Mismatch(mismatches(table, &facts)));
+        return Err(mismatch(&mismatches(table, &facts)));
     }
     for (position, row) in table.devices.iter().enumerate() {
         let device = group.subdevice(main, position).map_err(|e| failed("a device", e))?;
-        let told = |what: &str, e: Trouble| {
+        let is_drive = table.drives.iter().any(|drive| drive.device == position);
+        facts[position] = prepare_device(wire, &device, row, is_drive).map_err(|(what, e)| {
             failed(&format!("{what} of {} (position {position})", row.name), e)
-        };
-        for value in &row.start_up {
-            let what =
-                format!("start-up SDO 0x{:04X}:{:02X} ({})", value.index, value.sub, value.reason);
-            write(wire, &device, value).map_err(|e| told(&what, e))?;
-        }
-        let known = &mut facts[position];
-        let sii = sii::read(wire, &device).map_err(|e| told("the EEPROM", Trouble::Bus(e)))?;
-        known.activations = sii.activations;
-        let (outputs, inputs) = (sii.outputs, sii.inputs);
-        let has_mailbox = has_mailbox(row, wire, &device);
-        if has_mailbox {
-            // one that does not tell it is none that cannot be used
-            known.software = software(wire, &device).unwrap_or(None);
-        }
-        (known.outputs, known.inputs) = match has_mailbox {
-            false => (outputs, inputs),
-            true => (
-                lists(wire, &device, 0x1c12, &row.outputs, row).map_err(|e| told("0x1C12", e))?,
-                lists(wire, &device, 0x1c13, &row.inputs, row).map_err(|e| told("0x1C13", e))?,
-            ),
-        };
-        if table.drives.iter().any(|drive| drive.device == position) {
-            known.modes = optional(wire, &device, 0x6502, 0).map_err(|e| told("0x6502", e))?;
-            for (reaction, index) in known.reactions.iter_mut().zip([0x605a, 0x605e, 0x6007]) {
-                *reaction = optional(wire, &device, index, 0).map_err(|e| told("a reaction", e))?;
-            }
-            known.velocity_unit =
-                velocity_unit(wire, &device).map_err(|e| told("the velocity unit", e))?;
-        }
-        if let Some(time) = row.watchdog {
-            watchdog(wire, &device, time).map_err(|e| told("the watchdog", e))?;
-        }
+        })?;
     }
     match mismatches(table, &facts) {
         found if found.is_empty() => Ok(facts),
-        found => Err(StartError::Mismatch(found)),
+        found => Err(mismatch(&found)),
     }
 }
 
-fn identity(device: &SubDevice) -> DeviceFacts {
+fn mismatch(found: &[Mismatch]) -> StartError {
+    StartError::Mismatch(found.iter().map(ToString::to_string).collect())
+}
+
+/// Writes SDOs, lists and watchdog of a device; what it says of itself, or what of it failed, and why.
+pub(crate) fn prepare_device<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    row: &DeviceRow,
+    is_drive: bool,
+) -> Result<DeviceFacts, (String, Trouble)> {
+    let told = |what: &str| {
+        let what = what.to_string();
+        move |trouble: Trouble| (what, trouble)
+    };
+    let mut known = identity(device);
+    for value in &row.start_up {
+        let what =
+            format!("start-up SDO 0x{:04X}:{:02X} ({})", value.index, value.sub, value.reason);
+        write(wire, device, value).map_err(told(&what))?;
+    }
+    let sii = sii::read(wire, device).map_err(Trouble::Bus).map_err(told("the EEPROM"))?;
+    known.activations = sii.activations;
+    let has_mailbox = has_mailbox(row, wire, device);
+    if has_mailbox {
+        // a device that does not state its version can be used all the same
+        known.software = software(wire, device).unwrap_or(None);
+    }
+    (known.outputs, known.inputs) = match has_mailbox {
+        false => (sii.outputs, sii.inputs),
+        true => (
+            lists(wire, device, 0x1c12, &row.outputs, row).map_err(told("0x1C12"))?,
+            lists(wire, device, 0x1c13, &row.inputs, row).map_err(told("0x1C13"))?,
+        ),
+    };
+    if is_drive {
+        known.modes = optional(wire, device, 0x6502, 0).map_err(told("0x6502"))?;
+        for (reaction, index) in known.reactions.iter_mut().zip([0x605a, 0x605e, 0x6007]) {
+            *reaction = optional(wire, device, index, 0).map_err(told("a reaction"))?;
+        }
+        known.velocity_unit = velocity_unit(wire, device).map_err(told("the velocity unit"))?;
+    }
+    if let Some(time) = row.watchdog {
+        watchdog(wire, device, time).map_err(told("the watchdog"))?;
+    }
+    Ok(known)
+}
+
+pub(crate) fn identity(device: &SubDevice) -> DeviceFacts {
     let identity = device.identity();
     DeviceFacts {
         name: device.name().into(),
@@ -178,7 +199,7 @@ fn identity(device: &SubDevice) -> DeviceFacts {
     }
 }
 
-fn identities_fit(table: &Table, facts: &[DeviceFacts]) -> bool {
+pub(crate) fn identities_fit(table: &Table, facts: &[DeviceFacts]) -> bool {
     table.devices.iter().zip(facts).all(|(row, device)| {
         let [vendor, product, revision] = device.identity;
         (vendor, product) == (row.vendor, row.product)
@@ -186,12 +207,12 @@ fn identities_fit(table: &Table, facts: &[DeviceFacts]) -> bool {
     })
 }
 
-/// Clocks, SAFEOP, OP.
-fn into_op<L: Link>(
+/// Maps process data, and sets the clocks up.
+pub(crate) fn with_clocks<L: Link>(
     wire: &mut Wire<L>,
     mut group: Devices<PreOp, NoDc>,
     table: &Table,
-) -> Result<(Devices<Op>, Pace), StartError> {
+) -> Result<Devices<PreOpPdi>, StartError> {
     let main = wire.main;
     for (mut device, row) in group.iter_mut(main).zip(&table.devices) {
         device.set_dc_sync(match row.sync {
@@ -208,16 +229,14 @@ fn into_op<L: Link>(
     let group = wire
         .run(group.into_pre_op_pdi(main))
         .map_err(|e| failed("process data could not be mapped", e))?;
-    let group = wire.run(group.configure_dc_sync(main, clocks)).map_err(|e| {
+    wire.run(group.configure_dc_sync(main, clocks)).map_err(|e| {
         failed("the distributed clocks could not be set up; has the first device one?", e)
-    })?;
-    let group = match wire.run(group.into_safe_op(main)) {
-        Ok(group) => group,
-        Err(error) => {
-            return Err(failed("the devices did not go to SAFEOP", refusals(wire, table, error)));
-        }
-    };
-    // process data go on from here, as drives refuse OP without them
+    })
+}
+
+/// Exchanges process data from SAFEOP on, as drives refuse OP without them; the phase of SYNC0 after it has begun.
+pub(crate) fn settle<L: Link>(wire: &mut Wire<L>, group: &Devices<SafeOp>, table: &Table) -> Pace {
+    let main = wire.main;
     let mut pace = Pace::new(&table.bus);
     let first = now() + 2 * FIRST_PULSE;
     while now() < first {
@@ -226,6 +245,24 @@ fn into_op<L: Link>(
         pace.see(sent, answer.and_then(Result::ok).map(|answer| answer.extra.dc_system_time));
         wire.link.wait(pace.next_exchange());
     }
+    pace
+}
+
+/// Clocks, SAFEOP, OP.
+fn into_op<L: Link>(
+    wire: &mut Wire<L>,
+    group: Devices<PreOp, NoDc>,
+    table: &Table,
+) -> Result<(Devices<Op>, Pace), StartError> {
+    let main = wire.main;
+    let group = with_clocks(wire, group, table)?;
+    let group = match wire.run(group.into_safe_op(main)) {
+        Ok(group) => group,
+        Err(error) => {
+            return Err(failed("the devices did not go to SAFEOP", refusals(wire, table, error)));
+        }
+    };
+    let mut pace = settle(wire, &group, table);
     let group = match wire.run(group.request_into_op(main)) {
         Ok(group) => group,
         Err(error) => {
@@ -268,6 +305,19 @@ fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String 
     if found.is_empty() { error.to_string() } else { found.join("; ") }
 }
 
+/// Tells the devices to go to INIT, so that their watchdogs find nothing missing; who does not hear it has its watchdog.
+pub(crate) fn to_init<L: Link>(wire: &mut Wire<L>, period: u64) {
+    let main = wire.main;
+    let init = ethercrab::Command::bwr(RegisterAddress::AlControl.into());
+    for _ in 0..TRIES {
+        let end = now() + period;
+        let sent = wire.run_until(init.send(main, [INIT, 0]), end);
+        if sent.is_some_and(|sent| sent.is_ok()) {
+            return;
+        }
+    }
+}
+
 /// What an AL status code says.
 pub(crate) fn al_text(code: u16) -> String {
     use ethercrab::EtherCrabWireRead;
@@ -277,7 +327,7 @@ pub(crate) fn al_text(code: u16) -> String {
 
 /// What can go wrong with an SDO or a register.
 #[derive(Clone, Debug)]
-enum Trouble {
+pub(crate) enum Trouble {
     Bus(Error),
     /// ethercrab panicked: an emergency came in place of an answer.
     Panic,
@@ -321,7 +371,7 @@ fn read<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
 }
 
 /// Reads an object that a device need not have.
-fn optional<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
+pub(crate) fn optional<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
     index: u16,

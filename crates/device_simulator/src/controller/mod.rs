@@ -17,9 +17,9 @@ pub use watchdog::Watchdog;
 use crate::frame::Access;
 use fmmu::{Fmmu, copy_bits};
 use registers::{
-    AL_CONTROL, AL_STATUS, DATA_LINK_STATUS, EEPROM, INFORMATION, PROCESS_MEMORY, RECEIVE_TIME,
-    STATION_ADDRESS, SYNC_ACTIVATION, SYNC_MANAGER, SYSTEM_TIME, WATCHDOG_DIVIDER,
-    WATCHDOG_PROCESS_DATA, WATCHDOG_STATUS,
+    AL_CONTROL, AL_STATUS, DATA_LINK_STATUS, EEPROM, ERROR_COUNTERS, FEATURES, INFORMATION,
+    PROCESS_MEMORY, RECEIVE_TIME, STATION_ADDRESS, SYNC_ACTIVATION, SYNC_MANAGER, SYSTEM_TIME,
+    WATCHDOG_DIVIDER, WATCHDOG_PROCESS_DATA, WATCHDOG_STATUS,
 };
 
 /// EtherCAT device controller: registers, memory, distributed clock, watchdog and EEPROM of one device.
@@ -58,6 +58,10 @@ const DEFAULT_DIVIDER: u16 = 2498;
 /// 100 ms in units of the divider, after power-on.
 const DEFAULT_WATCHDOG: u16 = 1000;
 
+/// Bit of the features: a distributed clock; and the bytes of its registers.
+const HAS_CLOCK: u8 = 0x04;
+const CLOCK: usize = 0x100;
+
 impl Controller {
     /// Controller after power-on, with this clock and EEPROM.
     pub fn new(clock: DistributedClock, eeprom: Eeprom) -> Self {
@@ -85,16 +89,42 @@ impl Controller {
         self.memory.set(DATA_LINK_STATUS, &status.to_le_bytes());
     }
 
+    /// Counts a damaged frame that came by a port: as an invalid frame, and as an error of the receiver. Counters stop
+    /// at 255.
+    pub(crate) fn count_damaged_frame(&mut self, port: u8) {
+        for counter in [0, 1] {
+            let register = ERROR_COUNTERS + 2 * u16::from(port.min(3)) + counter;
+            let count = self.memory.u8(register).saturating_add(1);
+            self.memory.set(register, &[count]);
+        }
+    }
+
+    /// Counts a damaged frame that another device counted before and passed on, at a port.
+    pub(crate) fn count_forwarded_frame(&mut self, port: u8) {
+        for register in [2 * u16::from(port.min(3)), 8 + u16::from(port.min(3))] {
+            let register = ERROR_COUNTERS + register;
+            let count = self.memory.u8(register).saturating_add(1);
+            self.memory.set(register, &[count]);
+        }
+    }
+
     /// Takes out the events for the application.
     pub(crate) fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
+    }
+
+    /// Whether there is all of a range: without a clock there are no registers of one.
+    fn has(&self, address: u16, length: usize) -> bool {
+        let has_clock = self.memory.u8(FEATURES) & HAS_CLOCK != 0;
+        self.memory.has(address, length)
+            && (has_clock || !touches(address, length, RECEIVE_TIME, CLOCK))
     }
 
     /// Reads memory for the main device at the time `now` \[ns\]. Returns false if the read is refused, as of an
     /// empty mailbox.
     pub fn read(&mut self, address: u16, into: &mut [u8], now: u64) -> bool {
         let length = into.len();
-        if !self.memory.has(address, length) {
+        if !self.has(address, length) {
             return false;
         }
         if touches(address, length, SYSTEM_TIME, 16) || touches(address, length, 0x0990, 8) {
@@ -126,7 +156,7 @@ impl Controller {
     /// full mailbox.
     pub fn write(&mut self, address: u16, from: &[u8], now: u64) -> bool {
         let length = from.len();
-        if !self.memory.has(address, length) {
+        if !self.has(address, length) {
             return false;
         }
         if address < PROCESS_MEMORY {

@@ -2,6 +2,8 @@
 
 /// Device information: type, revision, build, number of FMMUs and sync managers, memory size, ports, features.
 pub const INFORMATION: u16 = 0x0000;
+/// Features: bit 2, a distributed clock; bit 3, one of 64 bit.
+pub const FEATURES: u16 = 0x0008;
 /// Configured station address.
 pub const STATION_ADDRESS: u16 = 0x0010;
 /// Configured station alias.

@@ -19,6 +19,13 @@ pub enum Fault {
     MailboxStuck,
     /// SDO access to this object is aborted with this code.
     SdoAbort(Key, Abort),
+    /// The cable at a port (0 or 1) is damaged: one of so many frames is, which is counted, and is lost.
+    DamagedCable {
+        /// Port.
+        port: u8,
+        /// Frames of which one is damaged; 0 none.
+        one_of: u32,
+    },
     /// The device sends this emergency message.
     Emergency(Emergency),
 }

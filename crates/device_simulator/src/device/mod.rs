@@ -43,6 +43,8 @@ pub struct Device {
     last_answer: Vec<u8>,
     counter: u8,
     faults: Vec<Fault>,
+    /// Frames that came by a damaged cable.
+    frames: u32,
     /// How far time has gone \[ns\].
     now: u64,
 }
@@ -96,6 +98,7 @@ impl Device {
             last_answer: Vec::new(),
             counter: 0,
             faults: Vec::new(),
+            frames: 0,
             now: 0,
         }
     }
@@ -117,7 +120,10 @@ impl Device {
             Fault::SyncMissing => self.controller.clock.is_silent = true,
             Fault::Drift(by) => self.controller.clock.drift_ppb += by,
             Fault::Emergency(message) => self.send(|counter| mailbox::emergency(counter, message)),
-            Fault::Deaf(_) | Fault::MailboxStuck | Fault::SdoAbort(..) => self.faults.push(fault),
+            Fault::Deaf(_)
+            | Fault::MailboxStuck
+            | Fault::SdoAbort(..)
+            | Fault::DamagedCable { .. } => self.faults.push(fault),
         }
     }
 
@@ -138,6 +144,23 @@ impl Device {
             return false;
         }
         true
+    }
+
+    /// A frame comes by a port; whether it came undamaged. A damaged one is counted.
+    pub(crate) fn receives(&mut self, port: u8) -> bool {
+        let is_here = |fault: &Fault| match fault {
+            Fault::DamagedCable { port: at, one_of } if *at == port => Some(*one_of),
+            _ => None,
+        };
+        let Some(one_of) = self.faults.iter().find_map(is_here).filter(|one_of| *one_of > 0) else {
+            return true;
+        };
+        self.frames = self.frames.wrapping_add(1);
+        if !self.frames.is_multiple_of(one_of) {
+            return true;
+        }
+        self.controller.count_damaged_frame(port);
+        false
     }
 
     /// What a datagram does as it passes.

@@ -8,7 +8,9 @@ use hydroboom_device_simulator::applications::{
     AnalogueInput, DigitalOutput, DriveSettings, Motor, ServoDrive, Signal, VelocityUnit, coupler,
 };
 use hydroboom_device_simulator::controller::DistributedClock;
-use hydroboom_device_simulator::device::{Area, Fault, Identity, Settings, Synchronisation};
+use hydroboom_device_simulator::device::{
+    Area, Device, Fault, Identity, Settings, Synchronisation,
+};
 use hydroboom_device_simulator::mailbox::Emergency;
 use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::link::Link;
@@ -117,8 +119,16 @@ fn settings(name: &str, product: u32) -> Settings {
     Settings::new(name, Identity { vendor: 0x0fff, product, revision: 1, serial: 7 })
 }
 
-/// The devices of the page's table, in their order.
+/// The line of the devices of the page's table.
 pub fn segment(behind: &Shared, change: impl FnOnce(&mut Settings, &mut DriveSettings)) -> Segment {
+    Segment::new(devices(behind, change))
+}
+
+/// The devices of the page's table, in their order.
+pub fn devices(
+    behind: &Shared,
+    change: impl FnOnce(&mut Settings, &mut DriveSettings),
+) -> Vec<Device> {
     let by_sync0 = Synchronisation { has_sync0: true, has_sync1: true, ..Default::default() };
     let mut drive = Settings { synchronisation: by_sync0, ..settings("drive", 2).with_mailbox() };
     let mut about = DriveSettings {
@@ -133,7 +143,7 @@ pub fn segment(behind: &Shared, change: impl FnOnce(&mut Settings, &mut DriveSet
     // clocks that begin anywhere and drift by up to 50 ppm
     let clock = DistributedClock::new;
     let valve = Rc::clone(behind);
-    Segment::new(vec![
+    vec![
         coupler(settings("coupler", 1), clock(5_000, 0)),
         ServoDrive::device(
             drive,
@@ -153,7 +163,7 @@ pub fn segment(behind: &Shared, change: impl FnOnce(&mut Settings, &mut DriveSet
             clock(123, 10_000),
             Box::new(move |bits| valve.borrow_mut().command.holding_valve = f64::from(bits & 1)),
         ),
-    ])
+    ]
 }
 
 /// Time that a frame is under way \[ns\].

@@ -11,6 +11,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 mod bench;
 mod commissioning;
 mod crane;
+mod diagnosis;
 mod faults;
 mod operation;
 mod start_up;

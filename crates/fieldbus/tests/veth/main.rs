@@ -29,6 +29,7 @@ mod allocations;
 mod course;
 #[path = "../../examples/simulated_segment/devices.rs"]
 mod devices;
+mod diagnosis;
 #[path = "../../examples/simulated_segment/plant.rs"]
 mod plant;
 

@@ -20,24 +20,7 @@ const SAME_PERIOD: f64 = 1e-9;
 
 /// The table of a file, or that of the crane file, for a model's control period.
 pub fn table(file: Option<&Path>, crane: &CraneFile, model: &Description) -> Result<Table> {
-    let (name, table) = match file {
-        Some(file) => {
-            let name = file.display().to_string();
-            (name.clone(), Table::parse(&name, &text_of(file)?).into_diagnostic()?)
-        }
-        None => {
-            let name = crane.path().map_or("the crane".into(), |path| path.display().to_string());
-            let table = Table::parse_in_crane_file(&name, &crane.text()?).into_diagnostic()?;
-            let table = table.ok_or_else(|| {
-                miette!(
-                    help = "name its file with --bus FILE, or write it into the crane file; \
-                            docs/reference/ethercat-table.md has a complete one",
-                    "{name}: there is no table [machine.ethercat], so that the devices on the bus are not known"
-                )
-            })?;
-            (name, table)
-        }
-    };
+    let (name, table) = read_table(file, crane, "--bus FILE")?;
     let (bus, control) = (1e-9 * table.bus.period as f64, model.numbers.control_period);
     if (bus - control).abs() > SAME_PERIOD {
         return Err(miette!(
@@ -48,6 +31,27 @@ pub fn table(file: Option<&Path>, crane: &CraneFile, model: &Description) -> Res
         ));
     }
     Ok(table)
+}
+
+/// The table of a file that an option names, or that of the crane file; and the name of the file.
+pub fn read_table(file: Option<&Path>, crane: &CraneFile, option: &str) -> Result<(String, Table)> {
+    if let Some(file) = file {
+        let name = file.display().to_string();
+        let table = Table::parse(&name, &text_of(file)?).into_diagnostic()?;
+        return Ok((name, table));
+    }
+    let name = crane.path().map_or("the crane".into(), |path| path.display().to_string());
+    let table = Table::parse_in_crane_file(&name, &crane.text()?).into_diagnostic()?;
+    let table = table.ok_or_else(|| {
+        miette!(
+            help = format!(
+                "name its file with {option}, or write it into the crane file; \
+                 docs/reference/ethercat-table.md has a complete one"
+            ),
+            "{name}: there is no table [machine.ethercat], so that the devices on the bus are not known"
+        )
+    })?;
+    Ok((name, table))
 }
 
 /// Opens a network interface for the bus.

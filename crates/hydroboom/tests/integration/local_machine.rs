@@ -72,12 +72,24 @@ fn an_unusable_bus_is_reported_before_anything_else_is_done() {
         (vec!["ethercat:lo", "--bus", &bus], ["loopback", "first device"]),
         (vec!["virtual", "--bus", &bus], ["--bus", "ethercat:eth1"]),
     ] {
-        let output = hydroboom(&[&["run", "--auto", "--machine"], &arguments[..]].concat());
-        let message = in_one_line(&String::from_utf8_lossy(&output.stderr));
-        assert!(!output.status.success(), "{arguments:?}: {message}");
-        for part in parts {
-            assert!(message.contains(part), "{arguments:?}: {part} is not in: {message}");
-        }
+        refuses(&[&["run", "--auto", "--machine"], &arguments[..]].concat(), parts);
+    }
+    for (arguments, parts) in [
+        (vec!["--bus", "lo"], ["[machine.ethercat]", "--table FILE"]),
+        (vec!["--bus", "nowhere0", "--table", &bus], ["no network interface nowhere0", "lo"]),
+        (vec!["--bus", "lo", "--table", &bus], ["loopback", "first device"]),
+        (vec!["--table", &bus], ["--bus <INTERFACE>", "required"]),
+    ] {
+        refuses(&[&["doctor"], &arguments[..]].concat(), parts);
+    }
+}
+
+fn refuses(arguments: &[&str], parts: [&str; 2]) {
+    let output = hydroboom(arguments);
+    let message = in_one_line(&String::from_utf8_lossy(&output.stderr));
+    assert!(!output.status.success(), "{arguments:?}: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{arguments:?}: {part} is not in: {message}");
     }
 }
 

@@ -155,7 +155,10 @@ fn eigen_shows_the_linearised_mode_and_lists_failed_strokes() {
     let text = printed(&["eigen", "--set", "payload.mass_kg=60"]);
     assert!(text.contains("At 400 mm friction ends the oscillation"), "{text}");
     assert!(text.contains("6.386"), "{text}");
-    assert!(text.contains("trapped rod-side pressure is 34.5 bar (oscillation.rod_side_bar)"), "{text}");
+    assert!(
+        text.contains("trapped rod-side pressure is 34.5 bar (oscillation.rod_side_bar)"),
+        "{text}"
+    );
 }
 
 /// The virtual crane has ten segments and an elastic base: its last angle belongs to the base.

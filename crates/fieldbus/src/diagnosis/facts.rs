@@ -1,0 +1,184 @@
+//! Facts of a bus, as its registers and objects show them.
+
+use crate::bus::Histogram;
+use crate::check::DeviceFacts;
+
+/// Ports of a device.
+pub const PORTS: usize = 4;
+
+/// Error counters of a device (registers 0x0300 to 0x0313). They stop at 255, and begin at power-on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ErrorCounters {
+    /// Frames with a wrong check sum, at each port.
+    pub invalid_frames: [u8; PORTS],
+    /// Errors of the receiver, at each port.
+    pub receive_errors: [u8; PORTS],
+    /// Damaged frames that a device before counted already, at each port.
+    pub forwarded: [u8; PORTS],
+    /// Frames that the processing unit could not make sense of.
+    pub processing_unit: u8,
+    /// Errors of the interface to the application.
+    pub application: u8,
+    /// Times that the link went away, at each port.
+    pub lost_links: [u8; PORTS],
+}
+
+impl ErrorCounters {
+    /// Of the registers from 0x0300 on.
+    pub(crate) fn of(registers: [u8; 20]) -> Self {
+        let port = |first: usize, step: usize| std::array::from_fn(|k| registers[first + step * k]);
+        Self {
+            invalid_frames: port(0, 2),
+            receive_errors: port(1, 2),
+            forwarded: port(8, 1),
+            processing_unit: registers[12],
+            application: registers[13],
+            lost_links: port(16, 1),
+        }
+    }
+
+    /// Frames that were damaged on the cable at a port: those of another cable are counted as forwarded.
+    pub fn damaged(&self, port: usize) -> u8 {
+        self.invalid_frames[port]
+            .max(self.receive_errors[port])
+            .saturating_sub(self.forwarded[port])
+    }
+}
+
+/// A device as it was found in the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineDevice {
+    /// Vendor, product and revision of its EEPROM; none where that could not be read.
+    pub identity: Option<[u32; 3]>,
+    /// Register 0x0110: links, loops and communication of its ports.
+    pub ports: u16,
+    /// Register 0x0130: state, and bit 4 where it has an error.
+    pub state: u16,
+    /// Register 0x0134: why it has one.
+    pub code: u16,
+    /// Error counters before anything was done.
+    pub errors: ErrorCounters,
+    /// Error counters at the end; none where they could not be read.
+    pub errors_after: Option<ErrorCounters>,
+    /// State and reason at the end.
+    pub state_after: Option<[u16; 2]>,
+}
+
+impl LineDevice {
+    /// Whether a port has a link.
+    pub fn has_link(&self, port: usize) -> bool {
+        self.ports >> (4 + port) & 1 != 0
+    }
+}
+
+/// A sync manager for process data from the main device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SyncManager {
+    /// Number.
+    pub number: u16,
+    /// Whether it feeds the watchdog (bit 6 of its control byte).
+    pub feeds_watchdog: bool,
+}
+
+/// How a device is set up, after the table's values were written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SetUp {
+    /// Time of a frame from the reference clock to the device \[ns\]; 0 without a clock.
+    pub delay: u32,
+    /// Process-data watchdog by registers 0x0400 and 0x0420 \[ns\]; 0 is switched off.
+    pub watchdog: Option<u64>,
+    /// Watchdog of the application's interface by 0x0400 and 0x0410 \[ns\]; 0 is switched off.
+    pub application_watchdog: Option<u64>,
+    /// Registers 0x0980 and 0x0981, once clocks are set up.
+    pub activation: Option<[u8; 2]>,
+    /// Synchronisation types, 0x1C32:01 and 0x1C33:01.
+    pub sync_types: [Option<u16>; 2],
+    /// Cycle time, 0x1C32:02 \[ns\].
+    pub cycle: Option<u32>,
+    /// Shortest cycle time, 0x1C32:05 \[ns\].
+    pub shortest_cycle: Option<u32>,
+    /// Time that outputs have to be there before SYNC0, 0x1C32:06 \[ns\].
+    pub calc_and_copy: Option<u32>,
+    /// Bytes of outputs and of inputs, as its sync managers are set.
+    pub sizes: Option<[usize; 2]>,
+    /// Sync managers of outputs, in SAFEOP.
+    pub output_managers: Vec<SyncManager>,
+    /// Difference of its clock from the reference, register 0x092C \[ns\], after listening.
+    pub clock_difference: Option<i64>,
+}
+
+/// Shares of a distribution \[ns\].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Percentiles {
+    /// Smallest.
+    pub min: u64,
+    /// 1 %.
+    pub p1: u64,
+    /// 50 %.
+    pub p50: u64,
+    /// 99 %.
+    pub p99: u64,
+    /// Largest.
+    pub max: u64,
+}
+
+impl Percentiles {
+    pub(crate) fn of(times: &Histogram) -> Self {
+        let at = |share: f64| times.value_at_quantile(share);
+        Self { min: times.min(), p1: at(0.01), p50: at(0.5), p99: at(0.99), max: times.max() }
+    }
+}
+
+/// What was seen of frames in SAFEOP.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Listening {
+    /// Cycles.
+    pub cycles: u64,
+    /// Exchanges.
+    pub exchanges: u64,
+    /// Exchanges that did not come back in time.
+    pub lost: u64,
+    /// Whether more were lost in a window than the table bears.
+    pub has_too_many_lost: bool,
+    /// Exchanges with another working counter than the table's, and the last such.
+    pub low: u64,
+    /// Working counter of the last of these.
+    pub low_counter: u16,
+    /// Working counter by the table.
+    pub working_counter: u16,
+    /// Outputs that passed the reference clock after the SYNC0 that was to take them over.
+    pub late_outputs: u64,
+    /// Whether more were late in a window than lost frames are borne.
+    pub has_too_many_late: bool,
+    /// From the passing of outputs at the reference clock to their SYNC0.
+    pub margin: Percentiles,
+    /// When the first exchange of a cycle passes the reference clock, after SYNC0.
+    pub phase: Percentiles,
+    /// From the sending of a frame to its return.
+    pub round_trip: Percentiles,
+    /// How late this computer sent the first frame of a cycle.
+    pub late_by: Percentiles,
+    /// From the first exchange of a cycle to that of the next, as they were sent.
+    pub period: Percentiles,
+}
+
+/// Facts of a bus.
+#[derive(Clone, Debug, Default)]
+pub struct BusFacts {
+    /// The devices, in their order.
+    pub line: Vec<LineDevice>,
+    /// What they say of themselves, with a name; as far as it was read.
+    pub devices: Vec<DeviceFacts>,
+    /// How they are set up; empty where they are not those of the table.
+    pub set_up: Vec<SetUp>,
+    /// Why they did not go to PREOP.
+    pub pre_op_refused: Option<String>,
+    /// What of the start-up failed: number of the device, what, and why.
+    pub failed: Vec<(usize, String, String)>,
+    /// Why clocks could not be set up.
+    pub clocks_refused: Option<String>,
+    /// Why the devices did not go to SAFEOP.
+    pub safe_op_refused: Option<String>,
+    /// What was seen in SAFEOP.
+    pub listening: Option<Listening>,
+}

@@ -1,0 +1,95 @@
+//! Finding: one thing that is not as it should be, its cause, and what to do.
+
+use std::fmt::{self, Display, Formatter};
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The bus does not start, or must not be run like this.
+    Error,
+    /// The bus runs, and is likely to be disturbed.
+    Warning,
+}
+
+impl Severity {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+        }
+    }
+}
+
+/// What a finding is of, in the order in which one causes the next: a broken cable a missing device, a wrong object a
+/// refused state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Cables, plugs, ports.
+    Cable,
+    /// Number, order and identity of the devices.
+    Devices,
+    /// Objects and registers that the table writes.
+    StartUp,
+    /// Lists of process data and their sizes.
+    ProcessData,
+    /// Velocity unit and mode of a drive.
+    Drive,
+    /// Process-data watchdog.
+    Watchdog,
+    /// SYNC0, SYNC1, and what the device makes of them.
+    Synchronisation,
+    /// State of a device, and its AL status code.
+    State,
+    /// Network card and interrupts of this computer.
+    Host,
+    /// Losses, margins and jitter of frames.
+    Timing,
+}
+
+impl Stage {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cable => "cable",
+            Self::Devices => "devices",
+            Self::StartUp => "start-up",
+            Self::ProcessData => "process-data",
+            Self::Drive => "drive",
+            Self::Watchdog => "watchdog",
+            Self::Synchronisation => "synchronisation",
+            Self::State => "state",
+            Self::Host => "host",
+            Self::Timing => "timing",
+        }
+    }
+}
+
+/// One thing that is not as it should be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What it is of.
+    pub stage: Stage,
+    /// What is so.
+    pub cause: String,
+    /// What to do.
+    pub advice: String,
+}
+
+impl Finding {
+    pub(crate) fn error(stage: Stage, cause: String, advice: impl Into<String>) -> Self {
+        Self { severity: Severity::Error, stage, cause, advice: advice.into() }
+    }
+
+    pub(crate) fn warning(stage: Stage, cause: String, advice: impl Into<String>) -> Self {
+        Self { severity: Severity::Warning, stage, cause, advice: advice.into() }
+    }
+}
+
+impl Display for Finding {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.cause, self.advice)
+    }
+}

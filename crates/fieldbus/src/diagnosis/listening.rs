@@ -1,0 +1,103 @@
+//! Listening: frames as in operation while devices are in SAFEOP, and their times.
+
+use super::facts::{Listening, Percentiles};
+use crate::bus::{MARGIN, Times};
+use crate::fault::LossWindow;
+use crate::link::Link;
+use crate::pace::Pace;
+use crate::start_up::{Devices, settle};
+use crate::table::Table;
+use crate::time::now;
+use crate::wire::Wire;
+use ethercrab::subdevice_group::SafeOp;
+
+/// Cycles that are looked at.
+const CYCLES: u64 = 500;
+
+/// Times of one exchange.
+struct Exchanged {
+    /// When it was sent \[ns\].
+    sent: u64,
+    /// When it passed the reference clock, by that clock \[ns\], and its working counter; none where it was lost.
+    answer: Option<(u64, u16)>,
+}
+
+/// Exchanges frames as a run does; what was seen. None where there is no memory for it.
+pub(crate) fn listen<L: Link>(
+    wire: &mut Wire<L>,
+    group: &Devices<SafeOp>,
+    table: &Table,
+) -> Option<Listening> {
+    let bus = &table.bus;
+    let mut pace = settle(wire, group, table);
+    let Times { mut margin, mut round_trip } = Times::new()?;
+    let Times { margin: mut late_by, round_trip: mut periods } = Times::new()?;
+    let mut phases = margin.clone();
+    let window = || LossWindow::new(bus.lost_max, bus.window);
+    let (mut lost, mut late) = (window(), window());
+    let mut seen = Listening {
+        cycles: CYCLES,
+        working_counter: table.devices.iter().map(|row| row.working_counter()).sum(),
+        ..Listening::default()
+    };
+    let mut before: Option<u64> = None;
+    for _ in 0..CYCLES {
+        let (mut is_lost, mut is_late, mut begin) = (false, false, None);
+        for number in 0..bus.exchanges {
+            let due = if number == 0 { pace.next_exchange() } else { pace.in_cycle(bus.send) };
+            wire.link.wait(due);
+            let Exchanged { sent, answer } = exchange(wire, group, &mut pace, table);
+            seen.exchanges += 1;
+            if number == 0 {
+                late_by.saturating_record(sent.saturating_sub(due).max(1));
+                if let Some(before) = before.replace(sent) {
+                    periods.saturating_record(sent.saturating_sub(before).max(1));
+                }
+            }
+            let Some((passed, counter)) = answer else {
+                (seen.lost, is_lost) = (seen.lost + 1, true);
+                continue;
+            };
+            round_trip.saturating_record(now().saturating_sub(sent).max(1));
+            if counter != seen.working_counter {
+                (seen.low, seen.low_counter) = (seen.low + 1, counter);
+            }
+            let begin = *begin.get_or_insert(passed - passed % bus.period);
+            if number == 0 {
+                phases.saturating_record(passed.saturating_sub(begin).max(1));
+            }
+            // the last exchange of a cycle has its outputs
+            if number + 1 == bus.exchanges {
+                match (begin + bus.period).checked_sub(passed) {
+                    Some(left) => margin.saturating_record(left.max(1)),
+                    None => (seen.late_outputs, is_late) = (seen.late_outputs + 1, true),
+                }
+            }
+        }
+        seen.has_too_many_lost |= lost.take(is_lost);
+        seen.has_too_many_late |= late.take(is_late);
+    }
+    Some(Listening {
+        margin: Percentiles::of(&margin),
+        phase: Percentiles::of(&phases),
+        round_trip: Percentiles::of(&round_trip),
+        late_by: Percentiles::of(&late_by),
+        period: Percentiles::of(&periods),
+        ..seen
+    })
+}
+
+fn exchange<L: Link>(
+    wire: &mut Wire<L>,
+    group: &Devices<SafeOp>,
+    pace: &mut Pace,
+    table: &Table,
+) -> Exchanged {
+    let main = wire.main;
+    let sent = now();
+    let end = pace.answer_end(sent, &table.bus, MARGIN);
+    let answer = wire.run_until(group.tx_rx_dc(main), end).and_then(Result::ok);
+    pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+    let answer = answer.map(|answer| (answer.extra.dc_system_time, answer.working_counter));
+    Exchanged { sent, answer }
+}

@@ -1,0 +1,152 @@
+//! Number, order and identity of the devices: which is missing, which is not the table's.
+
+use super::name;
+use crate::check::{DeviceFacts, Subject, mismatches};
+use crate::diagnosis::facts::{BusFacts, PORTS};
+use crate::diagnosis::finding::{Finding, Stage};
+use crate::table::{DeviceRow, Table};
+
+pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let (rows, devices) = (&table.devices, &bus.devices);
+    if devices.is_empty() {
+        return Vec::new();
+    }
+    let error = |cause: String, advice: &str| vec![Finding::error(Stage::Devices, cause, advice)];
+    let counts = format!("{} devices answer, the table has {}", devices.len(), rows.len());
+    let (missing, extra) = unmatched(rows, devices);
+    match (missing.as_slice(), extra.as_slice()) {
+        ([], []) => described(table, bus),
+        ([first, ..], []) if *first == devices.len() => {
+            let row = &rows[*first];
+            let others = match missing.len() {
+                1 => "is missing",
+                _ => "and all behind it are missing",
+            };
+            error(
+                format!(
+                    "{} (position {first}) {others}: {counts}, and {}",
+                    row.name,
+                    link_behind(table, bus, first - 1)
+                ),
+                "look at the cable in front of it and at its supply",
+            )
+        }
+        (_, []) => error(
+            format!("{} missing: {counts}", list(missing.iter().map(|k| named(&rows[*k], *k)))),
+            "put it in, or take it out of the table",
+        ),
+        ([], _) => error(
+            format!(
+                "{} not in the table: {counts}",
+                list(extra.iter().map(|k| described_device(&devices[*k], *k)))
+            ),
+            "take it off the line, or write it into the table",
+        ),
+        _ if devices.len() == rows.len() && are_the_same(rows, devices) => {
+            let places = devices.iter().enumerate().filter(|(k, device)| !fits(&rows[*k], device));
+            let places =
+                places.map(|(k, device)| format!("position {k} is {}", in_table(rows, device)));
+            error(
+                format!(
+                    "the devices are in another order than in the table: {}",
+                    places.collect::<Vec<_>>().join(", ")
+                ),
+                "plug their cables in the table's order, or put the table into theirs",
+            )
+        }
+        _ if devices.len() == rows.len() => described(table, bus),
+        _ => error(
+            format!(
+                "{counts}: {} missing, {} not in the table",
+                list(missing.iter().map(|k| named(&rows[*k], *k))),
+                list(extra.iter().map(|k| described_device(&devices[*k], *k)))
+            ),
+            "compare the line with the table, device by device",
+        ),
+    }
+}
+
+/// The first identity that differs.
+fn described(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    mismatches(table, &bus.devices)
+        .into_iter()
+        .filter(|found| found.subject == Subject::Devices)
+        .map(|found| Finding::error(Stage::Devices, found.cause, found.advice))
+        .collect()
+}
+
+/// Whether a device is of a row's kind, whatever its revision.
+fn fits(row: &DeviceRow, device: &DeviceFacts) -> bool {
+    device.identity[..2] == [row.vendor, row.product]
+}
+
+/// Whether both are the same devices, in some order.
+fn are_the_same(rows: &[DeviceRow], devices: &[DeviceFacts]) -> bool {
+    let mut wanted: Vec<[u32; 2]> = rows.iter().map(|row| [row.vendor, row.product]).collect();
+    let mut found: Vec<&[u32]> = devices.iter().map(|device| &device.identity[..2]).collect();
+    wanted.sort_unstable();
+    found.sort_unstable();
+    wanted.iter().map(|kind| &kind[..]).eq(found)
+}
+
+/// Rows without a device and devices without a row, by a longest common subsequence of their kinds.
+fn unmatched(rows: &[DeviceRow], devices: &[DeviceFacts]) -> (Vec<usize>, Vec<usize>) {
+    let (n, m) = (rows.len(), devices.len());
+    // longest common subsequence of what follows
+    let mut longest = vec![vec![0_usize; m + 1]; n + 1];
+    for i in (0..n).rev() {
+        for j in (0..m).rev() {
+            longest[i][j] = match fits(&rows[i], &devices[j]) {
+                true => 1 + longest[i + 1][j + 1],
+                false => longest[i + 1][j].max(longest[i][j + 1]),
+            };
+        }
+    }
+    let (mut i, mut j, mut missing, mut extra) = (0, 0, Vec::new(), Vec::new());
+    while i < n || j < m {
+        if i < n && j < m && fits(&rows[i], &devices[j]) {
+            (i, j) = (i + 1, j + 1);
+        } else if j >= m || i < n && longest[i + 1][j] >= longest[i][j + 1] {
+            missing.push(i);
+            i += 1;
+        } else {
+            extra.push(j);
+            j += 1;
+        }
+    }
+    (missing, extra)
+}
+
+/// What the last device that answers shows of its neighbour.
+fn link_behind(table: &Table, bus: &BusFacts, last: usize) -> String {
+    let this = name(table, bus, last);
+    let has_link = |port: &usize| bus.line.get(last).is_some_and(|device| device.has_link(*port));
+    match (1..PORTS).find(has_link) {
+        Some(port) => format!("{this} has a link at port {port}, behind which nobody answers"),
+        None => format!("{this} has no link behind it"),
+    }
+}
+
+fn named(row: &DeviceRow, position: usize) -> String {
+    format!("{} (position {position})", row.name)
+}
+
+fn described_device(device: &DeviceFacts, position: usize) -> String {
+    let [vendor, product, _] = device.identity;
+    format!(
+        "{} at position {position} (vendor 0x{vendor:08X}, product 0x{product:08X})",
+        device.name
+    )
+}
+
+/// The table's name of a device's kind.
+fn in_table(rows: &[DeviceRow], device: &DeviceFacts) -> String {
+    let row = rows.iter().find(|row| fits(row, device));
+    row.map_or_else(|| device.name.clone(), |row| row.name.clone())
+}
+
+/// Names with their verb.
+fn list(names: impl ExactSizeIterator<Item = String>) -> String {
+    let verb = if names.len() == 1 { "is" } else { "are" };
+    format!("{} {verb}", names.collect::<Vec<_>>().join(", "))
+}

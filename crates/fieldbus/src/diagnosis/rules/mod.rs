@@ -1,0 +1,101 @@
+//! Rules: from facts to findings, the most probable first cause first.
+
+mod cable;
+mod devices;
+mod host;
+mod state;
+mod synchronisation;
+mod timing;
+mod watchdog;
+
+use super::facts::BusFacts;
+use super::finding::{Finding, Severity, Stage};
+use super::host::HostFacts;
+use crate::check::{Subject, mismatches};
+use crate::start_up::identities_fit;
+use crate::table::Table;
+
+/// What is not as it should be: errors before warnings, and of each the cause before its effects.
+pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding> {
+    let mut found = cable::findings(table, bus);
+    found.extend(devices::findings(table, bus));
+    found.extend(start_up(table, bus));
+    // what of the devices could not be read to its end is not known
+    if bus.set_up.len() == table.devices.len() && bus.failed.is_empty() {
+        found.extend(mismatches(table, &bus.devices).into_iter().map(|found| {
+            let stage = match found.subject {
+                Subject::Devices => Stage::Devices,
+                Subject::ProcessData => Stage::ProcessData,
+                Subject::Synchronisation => Stage::Synchronisation,
+                Subject::Drive => Stage::Drive,
+            };
+            Finding::error(stage, found.cause, found.advice)
+        }));
+        found.extend(sizes(table, bus));
+        found.extend(watchdog::findings(table, bus));
+        found.extend(synchronisation::findings(table, bus));
+    }
+    found.extend(state::findings(table, bus));
+    let timing = timing::findings(table, bus, &found);
+    // what delays frames is worse where frames are late
+    let is_late = timing::is_held_up(bus, &found);
+    let by_host = host::findings(host).into_iter();
+    found.extend(by_host.map(|finding| match is_late {
+        true => Finding { severity: Severity::Error, ..finding },
+        false => finding,
+    }));
+    found.extend(timing);
+    // stable: what was found first of a stage stays before what was found later
+    found.sort_by_key(|finding| (finding.severity, finding.stage));
+    found
+}
+
+fn has_the_tables_devices(table: &Table, bus: &BusFacts) -> bool {
+    bus.devices.len() == table.devices.len() && identities_fit(table, &bus.devices)
+}
+
+/// A device in messages: the table's name where it is the table's device.
+fn name(table: &Table, bus: &BusFacts, position: usize) -> String {
+    let is_the_tables = has_the_tables_devices(table, bus);
+    let row = table.devices.get(position).filter(|_| is_the_tables);
+    let name = match (row, bus.devices.get(position)) {
+        (Some(row), _) => &row.name,
+        (None, Some(device)) => &device.name,
+        (None, None) => return format!("position {position}"),
+    };
+    format!("{name} (position {position})")
+}
+
+/// What could not be written or read at start-up.
+fn start_up(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let failed = bus.failed.iter().map(|(position, what, why)| {
+        Finding::error(
+            Stage::StartUp,
+            format!("{what} of {} failed: {why}", name(table, bus, *position)),
+            "compare it with the manual of the device, and correct the table",
+        )
+    });
+    failed.collect()
+}
+
+/// Sizes of process data, as the sync managers are set.
+fn sizes(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let mut found = Vec::new();
+    for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
+        let Some(sizes) = shown.sizes else { continue };
+        let wanted = [row.output_bytes(), row.input_bytes()];
+        for ((side, is), wanted) in ["outputs", "inputs"].into_iter().zip(sizes).zip(wanted) {
+            if is != wanted {
+                found.push(Finding::error(
+                    Stage::ProcessData,
+                    format!(
+                        "{side} of {} have {is} bytes by its sync manager, {wanted} by the table",
+                        name(table, bus, position)
+                    ),
+                    "correct the lists of the table by the device's manual",
+                ));
+            }
+        }
+    }
+    found
+}

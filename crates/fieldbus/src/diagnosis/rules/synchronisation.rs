@@ -1,0 +1,182 @@
+//! Synchronisation: what the EEPROM asks for, what register 0x0981 holds, and what 0x1C32 and 0x1C33 say.
+
+use super::name;
+use crate::diagnosis::facts::{BusFacts, SetUp};
+use crate::diagnosis::finding::{Finding, Stage};
+use crate::table::{DeviceRow, Sync, Table};
+
+/// Synchronisation types of 0x1C32:01 and 0x1C33:01 (ETG.1020): by SYNC0, by SYNC1, inputs by the outputs' frame.
+const BY_SYNC0: u16 = 2;
+const BY_SYNC1: u16 = 3;
+const BY_OUTPUTS: u16 = 0x22;
+/// Difference from the reference clock beyond which a clock does not follow it \[ns\]: far above the microsecond that
+/// devices keep to.
+const LARGEST_DIFFERENCE: i64 = 20_000;
+
+pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let mut found = Vec::new();
+    let reference = bus.devices.iter().position(|device| device.has_clock);
+    for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
+        let this = name(table, bus, position);
+        let modes = bus.devices.get(position).map_or(&[][..], |device| &device.activations);
+        found.extend(activation(&this, row, shown, modes));
+        found.extend(types(&this, row, shown));
+        found.extend(cycles(&this, table, row, shown));
+        // the reference follows nobody: what its register holds is from before
+        if reference != Some(position) {
+            found.extend(clock(&this, row, shown));
+        }
+    }
+    if let Some(why) = &bus.clocks_refused {
+        found.push(Finding::error(
+            Stage::Synchronisation,
+            why.clone(),
+            "one device at least has to have a distributed clock, and the first that has is the reference",
+        ));
+    }
+    found
+}
+
+/// Registers 0x0980 and 0x0981 against the modes of the EEPROM: the low byte of a mode is for 0x0980, the high one for
+/// 0x0981.
+fn activation(this: &str, row: &DeviceRow, shown: &SetUp, modes: &[u16]) -> Option<Finding> {
+    let [unit, is] = shown.activation?;
+    let [_, wanted] = row.sync.activation().to_le_bytes();
+    if is != wanted {
+        return Some(Finding::error(
+            Stage::Synchronisation,
+            format!(
+                "register 0x0981 of {this} is 0x{is:02X}, its sync in the table asks for 0x{wanted:02X}"
+            ),
+            "read in its manual which activations it takes, and set sync",
+        ));
+    }
+    let fitting = || modes.iter().filter(|mode| *mode & 0x0700 == row.sync.activation());
+    let lacks = |mode: &u16| *mode as u8 & !unit != 0;
+    let is_left = wanted != 0 && fitting().count() > 0 && fitting().all(lacks);
+    is_left.then(|| {
+        let mode = fitting().next().copied().unwrap_or_default();
+        Finding::warning(
+            Stage::Synchronisation,
+            format!(
+                "{this} asks for the activation 0x{mode:04X} in its EEPROM, and register 0x0980 is \
+                0x{unit:02X}, which this program does not write"
+            ),
+            "look whether it follows SYNC0 all the same; some devices do",
+        )
+    })
+}
+
+/// 0x1C32:01 and 0x1C33:01 against the table's sync.
+fn types(this: &str, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
+    let (wanted, name) = match row.sync {
+        Sync::None => (None, "none"),
+        Sync::Sync0 => (Some(BY_SYNC0), "sync0"),
+        Sync::Sync01(_) => (Some(BY_SYNC1), "sync01"),
+    };
+    let mut found = Vec::new();
+    for ((object, is), side) in ["0x1C32", "0x1C33"].into_iter().zip(shown.sync_types).zip([0, 1]) {
+        let Some(is) = is else { continue };
+        let by_clock = matches!(is, BY_SYNC0 | BY_SYNC1);
+        let cause = format!(
+            "{object}:01 of {this} is {is} ({}), the table has sync = \"{name}\"",
+            text(is)
+        );
+        match wanted {
+            None if by_clock => found.push(Finding::error(
+                Stage::Synchronisation,
+                cause,
+                "set sync of the table, or write 0 into the object as a start-up SDO",
+            )),
+            Some(wanted) if !by_clock && side == 0 => found.push(Finding::error(
+                Stage::Synchronisation,
+                cause,
+                format!("write {wanted} into {object}:01 as a start-up SDO"),
+            )),
+            Some(wanted) if is != wanted && is != BY_OUTPUTS && !(side == 1 && by_clock) => {
+                found.push(Finding::warning(
+                    Stage::Synchronisation,
+                    cause,
+                    format!("write {wanted} into {object}:01 as a start-up SDO where the device allows it"),
+                ));
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+fn text(kind: u16) -> &'static str {
+    match kind {
+        0 => "free run",
+        1 => "by the frame",
+        BY_SYNC0 => "by SYNC0",
+        BY_SYNC1 => "by SYNC1",
+        BY_OUTPUTS => "by the frame of the outputs",
+        _ => "of its maker",
+    }
+}
+
+/// The period against the device's cycle times, and the time that outputs need against when they come.
+fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
+    if row.sync == Sync::None {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    let (period, us) = (table.bus.period, |ns: u64| 1e-3 * ns as f64);
+    let stated = |time: Option<u32>| time.map(u64::from).filter(|time| *time > 0);
+    if let Some(shortest) = stated(shown.shortest_cycle).filter(|shortest| *shortest > period) {
+        found.push(Finding::error(
+            Stage::Synchronisation,
+            format!(
+                "the shortest cycle of {this} is {} us (0x1C32:05), bus.period_us is {}",
+                us(shortest),
+                us(period)
+            ),
+            "lengthen bus.period_us and the control period, or take a faster device",
+        ));
+    }
+    if let Some(cycle) = stated(shown.cycle).filter(|cycle| *cycle != period) {
+        found.push(Finding::warning(
+            Stage::Synchronisation,
+            format!(
+                "the cycle of {this} is {} us (0x1C32:02), bus.period_us is {}",
+                us(cycle),
+                us(period)
+            ),
+            format!("write {period} into 0x1C32:02 as a start-up SDO"),
+        ));
+    }
+    // two exchanges: the second one before the SYNC0 that takes over; one: the first after it, a period before
+    let before = match table.bus.exchanges {
+        2 => period.saturating_sub(table.bus.send),
+        _ => period.saturating_sub(table.bus.exchange),
+    };
+    if let Some(needed) = stated(shown.calc_and_copy).filter(|needed| *needed > before) {
+        found.push(Finding::error(
+            Stage::Synchronisation,
+            format!(
+                "{this} needs outputs {} us before SYNC0 (0x1C32:06), they are sent {} us before it",
+                us(needed),
+                us(before)
+            ),
+            "send earlier: lower bus.send_us, or bus.exchange_us with one exchange",
+        ));
+    }
+    found
+}
+
+/// A clock that does not follow the reference.
+fn clock(this: &str, row: &DeviceRow, shown: &SetUp) -> Option<Finding> {
+    let difference = shown.clock_difference.filter(|_| row.sync != Sync::None)?;
+    (difference.abs() > LARGEST_DIFFERENCE).then(|| {
+        Finding::error(
+            Stage::Synchronisation,
+            format!(
+                "the clock of {this} is {:.1} us off the reference (0x092C) and does not follow it",
+                1e-3 * difference as f64
+            ),
+            "replace the device, or set its sync to \"none\" where its manual allows it",
+        )
+    })
+}

@@ -1,0 +1,82 @@
+//! Losses, margins and jitter of the frames in SAFEOP.
+
+use crate::diagnosis::facts::BusFacts;
+use crate::diagnosis::finding::{Finding, Severity, Stage};
+use crate::table::Table;
+
+/// Whether more frames are late or lost than are borne, and no damaged cable explains it.
+pub(super) fn is_held_up(bus: &BusFacts, others: &[Finding]) -> bool {
+    bus.listening.is_some_and(|seen| {
+        seen.has_too_many_late || seen.has_too_many_lost && !has_damaged_cable(others)
+    })
+}
+
+fn has_damaged_cable(others: &[Finding]) -> bool {
+    let is_cable =
+        |other: &Finding| other.severity == Severity::Error && other.stage == Stage::Cable;
+    others.iter().any(is_cable)
+}
+
+/// Findings of the frames; `others` were found before.
+pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec<Finding> {
+    let Some(seen) = &bus.listening else { return Vec::new() };
+    let mut found = Vec::new();
+    let us = |ns: u64| format!("{:.0}", 1e-3 * ns as f64);
+    if seen.lost > 0 && !has_damaged_cable(others) {
+        let finding = if seen.has_too_many_lost { Finding::error } else { Finding::warning };
+        found.push(finding(
+            Stage::Timing,
+            format!(
+                "{} of {} frames did not come back in time, and no device counted a damaged one",
+                seen.lost, seen.exchanges
+            ),
+            "look at the load of this computer (hydroboom doctor) and at the cable to it"
+                .to_string(),
+        ));
+    }
+    if seen.low > 0 {
+        let finding = if seen.low > u64::from(table.bus.lost_max) {
+            Finding::error
+        } else {
+            Finding::warning
+        };
+        found.push(finding(
+            Stage::Timing,
+            format!(
+                "{} of {} frames came back with the working counter {}, the table makes {}",
+                seen.low, seen.exchanges, seen.low_counter, seen.working_counter
+            ),
+            "a device did not take part: look at its cable and supply".to_string(),
+        ));
+    }
+    if seen.late_outputs > 0 {
+        let finding = if seen.has_too_many_late { Finding::error } else { Finding::warning };
+        found.push(finding(
+            Stage::Timing,
+            format!(
+                "{} of {} outputs came after the SYNC0 that was to take them over (this computer sends up \
+                to {} us late)",
+                seen.late_outputs,
+                seen.cycles,
+                us(seen.late_by.max)
+            ),
+            "send earlier (bus.send_us), and look at what holds this computer up (hydroboom doctor)"
+                .to_string(),
+        ));
+    }
+    // the control period begins when the first answer has to be there
+    let answered = table.bus.control().saturating_sub(table.bus.exchange);
+    if seen.round_trip.p99 > answered {
+        found.push(Finding::warning(
+            Stage::Timing,
+            format!(
+                "1 % of frames take more than {} us, and control begins {} us after the first is sent: it \
+                gets the measurement of the period before",
+                us(seen.round_trip.p99),
+                us(answered)
+            ),
+            "look at what holds this computer up (hydroboom doctor), or send later (bus.send_us)",
+        ));
+    }
+    found
+}

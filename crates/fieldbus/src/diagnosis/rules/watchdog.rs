@@ -1,0 +1,52 @@
+//! Process-data watchdog: what stops the outputs of a device where frames stay away.
+
+use super::name;
+use crate::diagnosis::facts::BusFacts;
+use crate::diagnosis::finding::{Finding, Stage};
+use crate::table::Table;
+
+/// Time of the watchdog after power-on \[ns\] (ETG.1000.4): a longer one was set by somebody.
+const USUAL: u64 = 100_000_000;
+
+pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let mut found = Vec::new();
+    for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
+        let Some(time) = shown.watchdog else { continue };
+        let this = name(table, bus, position);
+        let set = format!("set watchdog_ms of {} in the table", row.name);
+        if time == 0 {
+            found.push(Finding::error(
+                Stage::Watchdog,
+                format!(
+                    "the process-data watchdog of {this} is switched off (0x0420 is 0): its outputs stay on \
+                    where this computer stops"
+                ),
+                set,
+            ));
+        } else if row.watchdog.is_none() && time > USUAL {
+            found.push(Finding::warning(
+                Stage::Watchdog,
+                format!(
+                    "the process-data watchdog of {this} is {} ms: its outputs stay on for so long where \
+                    this computer stops",
+                    time / 1_000_000
+                ),
+                set,
+            ));
+        }
+        if let Some(manager) = shown.output_managers.iter().find(|m| !m.feeds_watchdog) {
+            let is_commanded = table.commanded.iter().any(|row| row.place.device == position);
+            let finding = if is_commanded { Finding::error } else { Finding::warning };
+            found.push(finding(
+                Stage::Watchdog,
+                format!(
+                    "sync manager {} of {this} does not feed the watchdog (bit 6 of its control byte): its \
+                    outputs stay on where this computer stops",
+                    manager.number
+                ),
+                "read in its manual what it does without frames, and whether its EEPROM can set this bit",
+            ));
+        }
+    }
+    found
+}

@@ -1,0 +1,100 @@
+//! Scan of the line: registers and identities of devices by their position, before anything is changed.
+
+use super::facts::{ErrorCounters, LineDevice};
+use crate::link::Link;
+use crate::time::now;
+use crate::wire::Wire;
+use ethercrab::error::Error;
+use ethercrab::{Command, EtherCrabWireRead, EtherCrabWireSized, RegisterAddress};
+
+/// Most devices that are looked at.
+const MOST: u16 = 64;
+/// Registers of the error counters.
+const ERROR_COUNTERS: u16 = 0x0300;
+/// Registers of the EEPROM: whose it is, command with address, data.
+const EEPROM_OWNER: u16 = 0x0500;
+const EEPROM_CONTROL: u16 = 0x0502;
+const EEPROM_DATA: u16 = 0x0508;
+/// Owner: the main device, by force; then as usual.
+const TAKEN: u8 = 2;
+const MAIN_DEVICE: u8 = 0;
+/// Command to read, and the bit while the EEPROM is at work.
+const READ: u16 = 0x0100;
+const IS_BUSY: u16 = 0x8000;
+/// Time that a word of the EEPROM takes at most \[ns\].
+const UNTIL_WORD: u64 = 20_000_000;
+/// Words of vendor, product and revision in the EEPROM (ETG.1000.6).
+const IDENTITY: [u16; 3] = [8, 10, 12];
+
+/// The devices in their order; the first that is not there ends the line.
+pub(crate) fn line<L: Link>(wire: &mut Wire<L>) -> Vec<LineDevice> {
+    let mut line = Vec::new();
+    for position in 0..MOST {
+        let Ok(mut device) = registers(wire, position) else { break };
+        device.identity = identity(wire, position).ok();
+        line.push(device);
+    }
+    line
+}
+
+/// Reads counters and states again, at the end.
+pub(crate) fn again<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
+    for (position, device) in (0..).zip(line) {
+        let after = registers(wire, position).ok();
+        device.errors_after = after.map(|after| after.errors);
+        // the first reading of the state stands where one was taken while it was refused
+        device.state_after = device.state_after.or(after.map(|after| [after.state, after.code]));
+    }
+}
+
+/// State and reason of each device now.
+pub(crate) fn states<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
+    for (position, device) in (0..).zip(line) {
+        let state = read(wire, position, RegisterAddress::AlStatus.into());
+        let code = read(wire, position, RegisterAddress::AlStatusCode.into());
+        device.state_after = state.ok().zip(code.ok()).map(|(state, code)| [state, code]);
+    }
+}
+
+fn registers<L: Link>(wire: &mut Wire<L>, position: u16) -> Result<LineDevice, Error> {
+    let counters: [u8; 20] = read(wire, position, ERROR_COUNTERS)?;
+    Ok(LineDevice {
+        ports: read(wire, position, RegisterAddress::DlStatus.into())?,
+        state: read(wire, position, RegisterAddress::AlStatus.into())?,
+        code: read(wire, position, RegisterAddress::AlStatusCode.into())?,
+        errors: ErrorCounters::of(counters),
+        ..LineDevice::default()
+    })
+}
+
+/// Reads registers of the device at a position.
+pub(crate) fn read<L: Link, T: EtherCrabWireRead + EtherCrabWireSized>(
+    wire: &mut Wire<L>,
+    position: u16,
+    register: u16,
+) -> Result<T, Error> {
+    let main = wire.main;
+    wire.run(Command::aprd(position, register).receive(main))
+}
+
+/// Vendor, product and revision.
+fn identity<L: Link>(wire: &mut Wire<L>, position: u16) -> Result<[u32; 3], Error> {
+    let main = wire.main;
+    for owner in [TAKEN, MAIN_DEVICE] {
+        wire.run(Command::apwr(position, EEPROM_OWNER).send(main, owner))?;
+    }
+    let mut numbers = [0; 3];
+    for (number, word) in numbers.iter_mut().zip(IDENTITY) {
+        let ([low, high], [first, second]) = (READ.to_le_bytes(), word.to_le_bytes());
+        let command = [low, high, first, second, 0, 0];
+        wire.run(Command::apwr(position, EEPROM_CONTROL).send(main, command))?;
+        let end = now() + UNTIL_WORD;
+        while read::<_, u16>(wire, position, EEPROM_CONTROL)? & IS_BUSY != 0 {
+            if now() > end {
+                return Err(Error::Internal);
+            }
+        }
+        *number = read(wire, position, EEPROM_DATA)?;
+    }
+    Ok(numbers)
+}

@@ -1,0 +1,181 @@
+//! Set-up of the devices as a run does it, up to SAFEOP, and what they show then.
+
+use super::facts::{BusFacts, SetUp, SyncManager};
+use super::listening::listen;
+use super::scan;
+use crate::check::{DeviceFacts, mismatches};
+use crate::link::Link;
+use crate::start_up::{
+    Devices, MOST_DEVICES, identities_fit, identity, optional, prepare_device, with_clocks,
+};
+use crate::table::Table;
+use crate::time::now;
+use crate::wire::Wire;
+use ethercrab::subdevice_group::{NoDc, PreOp, SafeOp};
+use ethercrab::{EtherCrabWireReadSized, RegisterAddress, SubDevice, SubDeviceRef};
+use hydroboom_realtime::failure::{guarded, hand_panics_on};
+use std::ops::Deref;
+
+/// Unit of the watchdogs' divider \[ns\], and what it is less than they count by.
+const DIVIDER_UNIT: u64 = 40;
+const DIVIDER_OFFSET: u64 = 2;
+/// Registers of the unit that controls SYNC: 0x0980 and 0x0981.
+const SYNC_UNIT: u16 = 0x0980;
+/// Difference from the reference clock; its bit 31 is the sign.
+const CLOCK_DIFFERENCE: u16 = 0x092c;
+const IS_BEHIND: u32 = 0x8000_0000;
+/// Registers of sync managers, their number and size \[byte\].
+const SYNC_MANAGERS: u16 = 0x0800;
+const MOST_MANAGERS: u16 = 8;
+const MANAGER_SIZE: u16 = 8;
+/// Bits of a sync manager's control byte: buffered and written by the main device; and that it feeds the watchdog.
+const MODE_AND_DIRECTION: u8 = 0x0f;
+const OUTPUTS: u8 = 0x04;
+const FEEDS_WATCHDOG: u8 = 0x40;
+
+/// Brings the devices as far as they go, and fills in what they show.
+pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusFacts) {
+    // until more is known of them
+    let unnamed = |identity: Option<[u32; 3]>| DeviceFacts {
+        name: "a device".into(),
+        identity: identity.unwrap_or_default(),
+        ..DeviceFacts::default()
+    };
+    bus.devices = bus.line.iter().map(|device| unnamed(device.identity)).collect();
+    if bus.line.len() > MOST_DEVICES {
+        return;
+    }
+    let main = wire.main;
+    hand_panics_on();
+    // ethercrab panics on ports that no line or tree has
+    let started = guarded(|| wire.run(main.init_single_group(now)));
+    let group: Devices<PreOp, NoDc> = match started {
+        Ok(Ok(group)) => group,
+        Ok(Err(error)) => return refuse(wire, bus, error.to_string()),
+        Err(panic) => return refuse(wire, bus, panic),
+    };
+    for (position, facts) in bus.devices.iter_mut().enumerate() {
+        if let Ok(device) = group.subdevice(main, position) {
+            *facts = identity(&device);
+        }
+    }
+    // what another device than the table's would be written is not known
+    if group.len() != table.devices.len() || !identities_fit(table, &bus.devices) {
+        return;
+    }
+    for (position, row) in table.devices.iter().enumerate() {
+        let Ok(device) = group.subdevice(main, position) else { return };
+        let is_drive = table.drives.iter().any(|drive| drive.device == position);
+        match prepare_device(wire, &device, row, is_drive) {
+            Ok(facts) => bus.devices[position] = facts,
+            Err((what, trouble)) => bus.failed.push((position, what, trouble.to_string())),
+        }
+        let has_outputs = row.output_bytes() > 0;
+        bus.set_up.push(in_pre_op(wire, &device, has_outputs));
+    }
+    if !bus.failed.is_empty() || !mismatches(table, &bus.devices).is_empty() {
+        return;
+    }
+    into_safe_op(wire, group, table, bus);
+}
+
+fn refuse<L: Link>(wire: &mut Wire<L>, bus: &mut BusFacts, why: String) {
+    bus.pre_op_refused = Some(why);
+    scan::states(wire, &mut bus.line);
+}
+
+/// Clocks, SAFEOP, and what is seen there.
+fn into_safe_op<L: Link>(
+    wire: &mut Wire<L>,
+    group: Devices<PreOp, NoDc>,
+    table: &Table,
+    bus: &mut BusFacts,
+) {
+    let main = wire.main;
+    let group = match with_clocks(wire, group, table) {
+        Ok(group) => group,
+        Err(error) => {
+            bus.clocks_refused = Some(error.to_string());
+            return;
+        }
+    };
+    for (position, shown) in bus.set_up.iter_mut().enumerate() {
+        let Ok(device) = group.subdevice(main, position) else { continue };
+        shown.activation = wire.run(device.register_read(SYNC_UNIT)).ok();
+        // a guard lives in one statement only: another one that is taken while it is held would wait for ever
+        let outputs = device.outputs_raw().len();
+        let inputs = device.inputs_raw().len();
+        shown.sizes = Some([outputs, inputs]);
+    }
+    let group: Devices<SafeOp> = match wire.run(group.into_safe_op(main)) {
+        Ok(group) => group,
+        Err(error) => {
+            bus.safe_op_refused = Some(error.to_string());
+            scan::states(wire, &mut bus.line);
+            return;
+        }
+    };
+    for (position, shown) in (0..).zip(&mut bus.set_up) {
+        shown.output_managers = output_managers(wire, position);
+    }
+    bus.listening = listen(wire, &group, table);
+    for (position, shown) in (0..).zip(&mut bus.set_up) {
+        let difference: Option<u32> = scan::read(wire, position, CLOCK_DIFFERENCE).ok();
+        shown.clock_difference = difference.map(|difference| {
+            let size = i64::from(difference & !IS_BEHIND);
+            if difference & IS_BEHIND != 0 { -size } else { size }
+        });
+    }
+    scan::states(wire, &mut bus.line);
+}
+
+/// Watchdogs and objects of synchronisation, in PREOP.
+fn in_pre_op<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    has_outputs: bool,
+) -> SetUp {
+    let mut register =
+        |address: RegisterAddress| wire.run(device.register_read::<u16>(address)).ok();
+    let divider = register(RegisterAddress::WatchdogDivider);
+    let [process_data, application] =
+        [RegisterAddress::SyncManagerWatchdog, RegisterAddress::PdiWatchdog].map(|address| {
+            let units = register(address)?;
+            Some(DIVIDER_UNIT * (u64::from(divider?) + DIVIDER_OFFSET) * u64::from(units))
+        });
+    SetUp {
+        delay: device.propagation_delay(),
+        watchdog: process_data.filter(|_| has_outputs),
+        application_watchdog: application,
+        sync_types: [object(wire, device, 0x1c32, 1), object(wire, device, 0x1c33, 1)],
+        cycle: object(wire, device, 0x1c32, 2),
+        shortest_cycle: object(wire, device, 0x1c32, 5),
+        calc_and_copy: object(wire, device, 0x1c32, 6),
+        ..SetUp::default()
+    }
+}
+
+/// An object that a device need not have, nor a mailbox.
+fn object<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    index: u16,
+    sub: u8,
+) -> Option<T> {
+    optional(wire, device, index, sub).ok().flatten()
+}
+
+/// Sync managers that are on and that the main device writes process data by.
+fn output_managers<L: Link>(wire: &mut Wire<L>, position: u16) -> Vec<SyncManager> {
+    let mut found = Vec::new();
+    for number in 0..MOST_MANAGERS {
+        let register = SYNC_MANAGERS + MANAGER_SIZE * number;
+        let Ok(bytes) = scan::read::<_, [u8; 8]>(wire, position, register) else { break };
+        let [_, _, low, high, control, _, activation, _] = bytes;
+        let is_on = activation & 1 != 0 && [low, high] != [0; 2];
+        if is_on && control & MODE_AND_DIRECTION == OUTPUTS {
+            found.push(SyncManager { number, feeds_watchdog: control & FEEDS_WATCHDOG != 0 });
+        }
+    }
+    found
+}
