@@ -294,6 +294,7 @@ mod tests {
             period: PERIOD,
             newest_version: VERSION,
             axes: 1,
+            firmware: 0,
             ranges: [[[f64::NAN; 2]; MEASURED.len()]; MOST_AXES],
         };
         change(&mut hello);

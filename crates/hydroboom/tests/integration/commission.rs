@@ -1,6 +1,6 @@
 //! `commission` on the virtual crane, and `run` at machines that were and were not commissioned.
 
-use crate::support::command::{files, hydroboom, says};
+use crate::support::command::{fails_with, files, hydroboom};
 use hydroboom_machine_interface::datagram::{
     Body, Header, Hello, LONGEST, MOST_AXES, MeasuredAxis, Measurement, Peer, VERSION, decode,
     encode,
@@ -123,8 +123,8 @@ fn what_cannot_be_commissioned_is_said() {
     let of = |arguments: &[&str]| {
         hydroboom(&[&["commission", "--record", &record, "--machine"], arguments].concat())
     };
-    says(&of(&["udp:8150", "--simulated-time"]), "only the virtual crane");
-    says(&of(&["virtual", "--bus", "Cargo.toml"]), "--bus");
+    fails_with(&of(&["udp:8150", "--simulated-time"]), "only the virtual crane");
+    fails_with(&of(&["virtual", "--bus", "Cargo.toml"]), "--bus");
     // a held load near its upper stop leaves no room for the travel
     let failed = of(&[
         "virtual",

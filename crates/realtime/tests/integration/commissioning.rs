@@ -87,10 +87,13 @@ fn a_sound_machine_passes_every_step_within_its_bound() {
     assert!(truth.motor_speed.abs() < 1e-3 && truth.pilot < 0.5);
 }
 
+/// Name, mistake, the step that finds it, and whether a finding is the expected one.
+type Case = (&'static str, Mistakes, Step, fn(&Finding) -> bool);
+
 #[test]
 fn each_mistake_fails_in_its_step_and_nothing_moves_before_the_release() {
     let sound = Mistakes::default();
-    let cases: [(&str, Mistakes, Step, fn(&Finding) -> bool); 10] = [
+    let cases: [Case; 10] = [
         (
             "pump polarity reversed",
             Mistakes { motor: -1.0, motor_reading: -1.0, ..sound },
