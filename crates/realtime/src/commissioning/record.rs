@@ -360,7 +360,8 @@ mod tests {
     fn what_differs_is_named() {
         let text = written(&all());
         assert!(check_text("r", &text, &basis()).is_ok());
-        let changes: [(fn(&mut Basis), &str); 6] = [
+        type Change = (fn(&mut Basis), &'static str);
+        let changes: [Change; 6] = [
             (|b| b.crane = "other".into(), "crane file"),
             (|b| b.bus_table = "other".into(), "bus table"),
             (|b| b.version = "0.2".into(), "0.1 then, 0.2 now"),
