@@ -21,7 +21,7 @@ fn short(mut crane: Description) -> Description {
 }
 
 /// Number of learning cycles.
-const CYCLES: usize = 3;
+const CYCLES: usize = 1;
 
 /// Results of one crane at the fast speed, with a number of learning cycles.
 fn cycle(crane: Description, cycles: usize) -> CycleReport {
