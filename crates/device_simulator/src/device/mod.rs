@@ -450,7 +450,7 @@ impl Device {
         match mailbox::request(&bytes) {
             Request::Sdo(sdo) => {
                 if let Some(response) = self.sdo(&sdo) {
-                    self.send(|counter| mailbox::sdo_response(counter, &response));
+                    self.send(|counter| mailbox::sdo_answer(counter, &response));
                 }
             }
             Request::Information => self.send(mailbox::no_information),
