@@ -178,7 +178,7 @@ impl Commission {
             _ => "it did not come to its end".into(),
         };
         Err(miette!(
-            help = "mend the cause, then commission anew from the begin",
+            help = "mend the cause, then commission anew from the beginning",
             "commissioning failed in step {}: {why}",
             step.name()
         ))

@@ -261,8 +261,8 @@ fn overrides_are_applied_together_and_not_to_a_separate_plant() {
     let short = [
         "payload.mass_kg=300",
         "motion.start_mm=200",
-        "motion.end_mm=240",
-        "motion.ramp_s=0.5",
+        "motion.end_mm=300",
+        "motion.ramp_s=0.4",
         "motion.dwell_s=0.5",
         "motion.rest_s=0.5",
     ]

@@ -117,7 +117,7 @@ fn the_virtual_crane_is_commissioned_and_its_record_is_of_no_real_machine() {
 }
 
 #[test]
-fn what_cannot_be_commissioned_is_said() {
+fn options_that_do_not_fit_and_a_load_without_room_are_refused() {
     let file = files("commission_refused");
     let record = file("record.toml");
     let of = |arguments: &[&str]| {
@@ -126,14 +126,15 @@ fn what_cannot_be_commissioned_is_said() {
     fails_with(&of(&["udp:8150", "--simulated-time"]), "only the virtual crane");
     fails_with(&of(&["virtual", "--bus", "Cargo.toml"]), "--bus");
     // a held load near its upper stop leaves no room for the travel
-    let failed = of(&[
-        "virtual",
-        "--simulated-time",
-        "--set",
-        "motion.start_mm=495",
-        "--set",
+    let at_the_stop = [
+        "motion.start_mm=496",
         "motion.end_mm=499",
-    ]);
+        "motion.fast_mm_s=5",
+        "motion.slow_mm_s=2",
+        "motion.ramp_s=0.3",
+    ]
+    .map(|set| ["--set", set]);
+    let failed = of(&[&["virtual", "--simulated-time"], &at_the_stop.concat()[..]].concat());
     assert!(!failed.status.success());
     let text = std::fs::read_to_string(&record).unwrap();
     assert!(text.contains("result = \"failed\"") && text.contains("not reached"), "{text}");
