@@ -35,8 +35,9 @@ pub(crate) fn add_process_data(
     }
 }
 
-/// Adds what each device with a mailbox has: device type, error register, name, identity.
-pub(crate) fn add_identity(
+/// Adds the objects of every device with a mailbox: device type, error register, name, version, identity, and the types
+/// of the sync managers (0x1C00), by which main devices find the process data.
+pub fn add_identity(
     dictionary: &mut ObjectDictionary,
     settings: &crate::device::Settings,
     device_type: u32,

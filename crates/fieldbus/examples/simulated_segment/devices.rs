@@ -4,7 +4,7 @@ use crate::plant::Plant;
 use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_device_simulator::al_status_code::AlStatusCode;
 use hydroboom_device_simulator::applications::{
-    DriveSettings, Motor, ServoDrive, VelocityUnit, coupler,
+    DriveSettings, Motor, ServoDrive, VelocityUnit, add_identity, coupler,
 };
 use hydroboom_device_simulator::controller::DistributedClock;
 use hydroboom_device_simulator::device::{Identity, Settings, Synchronisation};
@@ -18,6 +18,8 @@ use std::rc::Rc;
 const DECELERATION: f64 = 100.0;
 /// Increments of a revolution of the motor. Typical.
 const INCREMENTS: u32 = 65_536;
+/// Device type (0x1000) of a modular device: profile 5001.
+const MODULAR_DEVICE: u32 = 5001;
 /// Drift of each device's clock beside the one before \[ppb\], and where it begins \[ns\]: oscillators of 50 ppm.
 const DRIFT: [i64; 4] = [0, 50_000, -30_000, 10_000];
 const CLOCK_START: u64 = 77_000_000;
@@ -100,6 +102,7 @@ fn device(
         commanded: table.commanded.iter().filter(|row| is_here(&row.place)).cloned().collect(),
     };
     let mut dictionary = ObjectDictionary::default();
+    add_identity(&mut dictionary, &settings, MODULAR_DEVICE);
     describe(&mut dictionary, row);
     Ok(Device::new(settings, clock, dictionary, Box::new(application)))
 }

@@ -18,7 +18,7 @@ fn a_model_is_compared_with_a_log_and_tuned_to_it() {
     assert_eq!(channels.iter().filter(|c| c["signal"].is_string()).count(), 9);
     assert!(seen["suspicions"].as_array().unwrap().is_empty(), "{seen}");
     let of = |crane: &[&str]| {
-        let window = ["validate", "--log", &log, "--mapping", &mapping, "--to-s", "6", "--json"];
+        let window = ["validate", "--log", &log, "--mapping", &mapping, "--to-s", "9", "--json"];
         parsed(&[&window[..], crane].concat())
     };
     let rms = |found: &serde_json::Value, k: usize| found["signals"][k]["rms"].as_f64().unwrap();
@@ -42,7 +42,7 @@ fn a_model_is_compared_with_a_log_and_tuned_to_it() {
         "--log",
         &log,
         "--to-s",
-        "6",
+        "9",
         "--free",
         "pump.flow_gain,payload.mass",
         "--profile",
