@@ -160,7 +160,7 @@ def main():
 
     master = pysoem.Master()
     master.open(arguments.interface)
-    wrong = missing = late = 0
+    wrong = missing = late = low = off = 0
     rows = []
     try:
         started(master, table, round(1e9 * period))
@@ -169,7 +169,8 @@ def main():
         enabled = 0
         # enabling takes some cycles; the recording begins when the drive is in operation
         while at is None or at < len(commands):
-            if at is not None and master.slaves[speed.device].state != pysoem.OP_STATE:
+            # a drive that left operation, and devices that do not answer, end the run after ten cycles in a row
+            if low >= 10 or off >= 10:
                 break
             word = int.from_bytes(master.slaves[speed.device].input, "little") >> statusword[0] & 0xFFFF
             control = next((c for mask, value, c in TRANSITIONS if word & mask == value), 0x0F)
@@ -181,12 +182,14 @@ def main():
             for slave, image in zip(master.slaves, images):
                 slave.output = bytes(image)
             counter = exchange(master)
+            low = low + 1 if counter != master.expected_wkc else 0
             wrong += counter >= 0 and counter != master.expected_wkc
             missing += counter < 0
             if at is not None:
                 values = [p.read(master.slaves[p.device].input) for p in measured.values()]
                 rows.append([at * period, *wanted, counter, *values])
                 at += 1
+                off = 0 if word & OPERATION_ENABLED[0] == OPERATION_ENABLED[1] else off + 1
             elif word & OPERATION_ENABLED[0] == OPERATION_ENABLED[1]:
                 at = 0
             else:
@@ -206,10 +209,12 @@ def main():
         master.close()
     with open(arguments.out, "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(["time_s", "motor_speed_rev_per_s", "holding_valve", "working_counter", *measured])
+        writer.writerow(["time_s", "commanded_motor_speed_rev_per_s", "commanded_holding_valve", "working_counter", *measured])
         writer.writerows(rows)
     stroke = list(measured).index("stroke_m") + 4
     print(f"{ended}")
+    if not rows:
+        return 1
     print(
         f"{len(rows)} of {len(commands)} periods; working counter wrong in {wrong}, missing in {missing}; "
         f"woke over half a period late in {late}; last position {1e3 * rows[-1][stroke]:.2f} mm"
