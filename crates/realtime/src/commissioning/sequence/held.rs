@@ -257,6 +257,13 @@ impl Sequence {
                         return Err(Finding::NoWatchdog([speed, longest + self.time]));
                     }
                     self.begin_phase(4);
+                } else if self.time > 2.0 * STEADY
+                    && matches!(self.status(), Some(MachineStatus::Fault { .. }))
+                {
+                    // devices on a bus that left OP by their watchdogs measure nothing until they are started again;
+                    // one without a watchdog stays in OP, and is judged by its measurement
+                    self.begin_phase(5);
+                    self.prompt = Some(Prompt::ResetAfterWatchdog);
                 } else if self.time > self.settings.ready {
                     return Err(Finding::Silent(self.age));
                 }
