@@ -73,7 +73,7 @@ fn commissioned() -> (Sequence, f64) {
             bus = bus.restart_by_a_person().unwrap();
         }
         largest = largest.max((stroke() - begin).abs());
-        assert!(number < 60_000, "{:?}: {:?}", sequence.step(), sequence.prompt());
+        assert!(number < 60_000, "{:?}: {:?}, {bus:?}", sequence.step(), sequence.prompt());
     }
     (sequence, largest)
 }

@@ -98,7 +98,7 @@ fn devices_that_are_missing_are_named_with_the_place_of_the_break() {
     let case = Case { connected: 0, ..Case::new() };
     case.error(&["no device answers", "supply"]);
     let case = Case { connected: 3, ..Case::new() };
-    case.error(&["outputs (position 3) is missing", "inputs (position 2) has no link behind it"]);
+    case.error(&["outputs (position 3) is missing", "(position 2) has no link behind it"]);
     let mut case = Case::new();
     case.devices.remove(2);
     case.error(&["inputs (position 2) is missing", "3 devices answer, the table has 4"]);

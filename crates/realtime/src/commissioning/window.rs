@@ -40,10 +40,11 @@ impl Window {
         (self.squares / self.count - mean * mean).max(0.0).sqrt()
     }
 
-    /// Standard deviation about the straight line through all values; NaN of an empty window.
+    /// Standard deviation about the straight line through all values; NaN below two values.
     pub fn scatter(&self) -> f64 {
-        let ramp = self.drift();
-        (self.deviation().powi(2) - ramp * ramp / 12.0).max(0.0).sqrt()
+        let (n, ramp) = (self.count, self.drift());
+        let of_line = ramp * ramp * (n + 1.0) / (12.0 * (n - 1.0));
+        (self.deviation().powi(2) - of_line).max(0.0).sqrt()
     }
 
     /// Change from the first value to the last one of the straight line through all of them; NaN below two values.
@@ -67,7 +68,7 @@ mod tests {
         (0..1000).for_each(|k| alternating.add(if k % 2 == 0 { 1.0 } else { -1.0 }));
         assert!((alternating.deviation() - 1.0).abs() < 1e-12);
         assert!(alternating.drift().abs() < 0.01);
-        assert!((alternating.scatter() - 1.0).abs() < 1e-3 && ramp.scatter() < 1e-2 * 0.1);
+        assert!((alternating.scatter() - 1.0).abs() < 1e-3 && ramp.scatter() < 1e-6);
         assert!(Window::default().mean().is_nan() && Window::default().drift().is_nan());
     }
 }

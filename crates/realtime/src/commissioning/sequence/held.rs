@@ -2,7 +2,7 @@
 
 use super::{Action, MOTOR, Next, Now, SIGNALS, STROKE, Sequence};
 use crate::commissioning::finding::{Finding, Reason};
-use crate::commissioning::step::Prompt;
+use crate::commissioning::step::{Prompt, Step};
 use crate::commissioning::window::Window;
 use crate::machine::Outgoing;
 use hydroboom_control::supervision::limits::MachineStatus;
@@ -13,6 +13,8 @@ const SIGNIFICANT: f64 = 6.0;
 const UNREPORTED: f64 = 0.2;
 /// Time for which a motor has had its slow speed before something is judged by it \[s\].
 const STEADY: f64 = 0.1;
+/// Time after which a machine that still has a fault was not reset by what a person confirmed \[s\].
+const AGAIN: f64 = 1.0;
 
 impl Sequence {
     /// Whether the drives are enabled, as far as the machine reports it.
@@ -155,8 +157,16 @@ impl Sequence {
         // a bus that is started again measures nothing meanwhile
         self.may_be_silent = true;
         if now.is_confirmed {
-            self.prompt = None;
+            (self.prompt, self.time) = (None, 0.0);
             return Ok(Next::Go(Action::Reset(Outgoing::SAFE)));
+        }
+        let has_fault = matches!(self.status(), Some(MachineStatus::Fault { .. }));
+        if self.prompt.is_none() && has_fault && self.time > AGAIN {
+            // a fault behind the one that was reset is for a person, too
+            self.prompt = Some(match self.step {
+                Step::StopCircuit => Prompt::CloseStopCircuit,
+                _ => Prompt::ResetAfterWatchdog,
+            });
         }
         let is_ready = matches!(self.status(), None | Some(MachineStatus::Ready));
         let is_there = self.age <= self.limits.stale;
@@ -257,6 +267,13 @@ impl Sequence {
                         return Err(Finding::NoWatchdog([speed, longest + self.time]));
                     }
                     self.begin_phase(4);
+                } else if self.time > 2.0 * STEADY
+                    && matches!(self.status(), Some(MachineStatus::Fault { .. }))
+                {
+                    // devices on a bus that left OP by their watchdogs measure nothing until they are started again;
+                    // one without a watchdog stays in OP, and is judged by its measurement
+                    self.begin_phase(5);
+                    self.prompt = Some(Prompt::ResetAfterWatchdog);
                 } else if self.time > self.settings.ready {
                     return Err(Finding::Silent(self.age));
                 }
