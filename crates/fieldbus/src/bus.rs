@@ -9,7 +9,7 @@
 //!
 //! A lost frame is not sent again: the measurement ages, and more losses in a window than the table allows are a
 //! fault. Where no new command came for two periods, the safe command is sent: target velocity zero and valve shut;
-//! drives stay enabled until they have braked.
+//! enabled drives brake with torque for the braking time of the table.
 
 use crate::check::DeviceFacts;
 use crate::cycle_record::{CycleRecord, Exchange, number};
