@@ -3,13 +3,13 @@
 //! ```text
 //! SYNC0          SYNC0          inputs are latched and outputs taken over at SYNC0
 //!   | A      B     |            A: inputs are read; B: outputs are sent
-//!   two exchanges: what was latched is acted on one period later
-//!   one exchange:  A alone, which takes the outputs of the cycle before along: two periods later
+//!   two exchanges: outputs act one period after the inputs that they answer
+//!   one exchange:  A alone, with the outputs computed in the cycle before: two periods after
 //! ```
 //!
-//! A lost frame is not sent again: the measurement ages, and so many losses in a window are a fault. Where no new
-//! command came for two periods, the safe command is sent: target nought, valve shut, by drives that still have power
-//! to brake.
+//! A lost frame is not sent again: the measurement ages, and more losses in a window than the table allows are a
+//! fault. Where no new command came for two periods, the safe command is sent: target velocity zero and valve shut;
+//! enabled drives brake with torque for the braking time of the table.
 
 use crate::check::DeviceFacts;
 use crate::cycle_record::{CycleRecord, Exchange, number};
@@ -33,22 +33,22 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 /// Periods without a new command after which the safe command is sent.
 const COMMAND_PERIODS: u32 = 2;
-/// Time after SYNC0 until which an answer is waited for, before the end of the period \[ns\].
+/// Time before the next exchange, or before the end of the period, at which the wait for an answer ends \[ns\].
 pub(crate) const MARGIN: u64 = 50_000;
-/// Longest time that is told from longer ones \[ns\].
+/// Upper end of the histograms; longer times are counted there \[ns\].
 const LONGEST: u64 = 1_000_000_000;
-/// Delays are means over about so many commands.
+/// Time constant of the exponential mean of delays \[commands\].
 const AVERAGED: f64 = 256.0;
-/// Records on their way to the log, at most: four seconds at 1 ms.
+/// Capacity of the queue of records to the log: four seconds at 1 ms.
 const RECORDS: usize = 4096;
 /// State OP in records.
 const OP: u8 = 8;
-/// Time for which drives are waited for to switch off before the bus ends, after they may have braked \[ns\].
+/// Longest wait at the end of the bus for drives to switch off, after their braking time \[ns\].
 const UNTIL_OFF: u64 = 500_000_000;
 /// Signals of an axis; the measured signal after them is the valve's position switch.
 const SIGNALS: usize = MEASURED.len() - 1;
 
-/// What was counted since the start.
+/// Counters since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Cycles.
@@ -59,7 +59,7 @@ pub struct Counters {
     pub lost: u64,
     /// Exchanges that came back with a working counter that is not the expected one.
     pub low: u64,
-    /// Frames that came and were not waited for: late, repeated, or somebody else's.
+    /// Received frames that answer no pending exchange: late, repeated, or of another sender.
     pub unexpected: u64,
     /// Cycles in which no new command had come.
     pub without_command: u64,
@@ -67,7 +67,7 @@ pub struct Counters {
     pub late_outputs: u64,
     /// Exchanges that this computer began more than half a period late.
     pub late_begins: u64,
-    /// Records of cycles that the log was too slow for.
+    /// Records of cycles that were dropped, as the queue to the log was full.
     pub records_lost: u64,
     /// Cycles in which a drive showed a warning (statusword bit 7).
     pub warnings: u64,
@@ -78,17 +78,17 @@ pub struct Counters {
 /// Distribution of times \[ns\].
 pub type Histogram = hdrhistogram::Histogram<u64>;
 
-/// What was measured of times since the start.
+/// Distributions of times since the start.
 #[derive(Clone, Debug)]
 pub struct Times {
-    /// From the passing of outputs at the reference clock to the SYNC0 that takes them over, by that clock \[ns\].
+    /// Time by which outputs pass the reference clock before the SYNC0 that takes them over, by that clock \[ns\].
     pub margin: Histogram,
     /// From the sending of a frame to its return, by this computer's clock \[ns\].
     pub round_trip: Histogram,
 }
 
 impl Times {
-    /// Nothing measured yet; none where there is no memory for it.
+    /// Empty histograms; none where memory is short.
     pub(crate) fn new() -> Option<Self> {
         let empty = Histogram::new_with_bounds(1, LONGEST, 3).ok()?;
         Some(Self { margin: empty.clone(), round_trip: empty })
@@ -109,9 +109,9 @@ pub struct Bus<L> {
     side: BusSide,
     machine: Option<FieldbusMachine>,
     number: u64,
-    /// The last command, and for how many periods none has come; none before the first at rest.
+    /// The last command, and its age \[periods\]; none before the first command at rest.
     command: Option<(Outgoing, u32)>,
-    /// SYNC0 of the measurement that a command answers which has not been sent yet \[ns\].
+    /// SYNC0 of the measurement that the command to be sent next answers \[ns\]; none once it was sent.
     answers: Option<u64>,
     delay: Option<Delay>,
     times: Times,
@@ -119,21 +119,21 @@ pub struct Bus<L> {
     fault: Option<(Fault, u64)>,
     lost: LossWindow,
     low: LossWindow,
-    /// What was seen of the exchanges of this cycle.
+    /// Losses and SYNC0 of this cycle.
     cycle: Seen,
     counters: Counters,
-    /// A device that left OP: its reason is still to be read.
+    /// A device that left OP, whose AL status code is still to be read.
     dropped: Option<u16>,
     /// Whether drives are being switched off for good.
     is_ending: bool,
-    /// Whether a person has reset a fault that devices come back from by a restart only.
+    /// Whether a person has reset a fault that needs a restart of the bus from INIT.
     is_restart_due: bool,
     record: CycleRecord,
-    /// Where records go; none where nobody asked for them.
+    /// Queue to the log; none where no records were requested.
     records: Option<Producer<CycleRecord>>,
 }
 
-/// What the exchanges of a cycle showed.
+/// Losses, wrong working counters and SYNC0 of a cycle's exchanges.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     is_lost: bool,
@@ -199,20 +199,20 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// The records of the cycles from now on, for an ordinary thread that takes them out now and then; those for which
-    /// there is no room are counted.
+    /// Queue of the records of all further cycles, for a thread without real-time priority; records that find it full
+    /// are dropped and counted.
     pub fn records(&mut self) -> Consumer<CycleRecord> {
         let (records, taken) = RingBuffer::new(RECORDS);
         self.records = Some(records);
         taken
     }
 
-    /// The newest frames; after a fault those before it.
+    /// The newest frames; after a fault, the last ones up to it.
     pub fn frames(&self) -> &FrameRing {
         &self.wire.frames
     }
 
-    /// The machine, for the control task; it is given once.
+    /// The control task's side of the bus; none after the first call.
     pub fn take_machine(&mut self) -> Option<FieldbusMachine> {
         self.machine.take()
     }
@@ -222,17 +222,17 @@ impl<L: Link> Bus<L> {
         &self.table
     }
 
-    /// What the devices said of themselves at start-up.
+    /// Data that the devices reported at start-up.
     pub fn facts(&self) -> &[DeviceFacts] {
         &self.facts
     }
 
-    /// What was counted.
+    /// Counters since the start.
     pub fn counters(&self) -> Counters {
         Counters { unexpected: self.wire.unexpected, ..self.counters }
     }
 
-    /// What was measured of times.
+    /// Distributions of times since the start.
     pub fn times(&self) -> &Times {
         &self.times
     }
@@ -247,28 +247,28 @@ impl<L: Link> Bus<L> {
         self.fault.map(|(fault, _)| fault)
     }
 
-    /// Working counter of a right exchange.
+    /// Expected working counter of an exchange.
     pub fn working_counter(&self) -> u16 {
         self.working_counter
     }
 
-    /// Statusword of each drive, as it came last.
+    /// Statusword of each drive, as received last.
     pub fn statuswords(&self) -> impl Iterator<Item = u16> {
         self.drives.iter().map(Drive::statusword)
     }
 
-    /// The link, to act on what is simulated.
+    /// The link, for tests that act on simulated devices.
     pub fn link_mut(&mut self) -> &mut L {
         &mut self.wire.link
     }
 
-    /// One cycle: measure, then send what was commanded by then. The calls for a bus task of its own.
+    /// One cycle for a bus task in a thread of its own: [`measure`](Self::measure), then [`act`](Self::act).
     pub fn cycle(&mut self) {
         self.measure();
         self.act();
     }
 
-    /// Waits for the first exchange of a cycle, makes it, and hands the measurement over.
+    /// Waits until the first exchange of a cycle is due, exchanges frames, and publishes the measurement.
     pub fn measure(&mut self) {
         self.counters.cycles += 1;
         self.cycle = Seen::default();
@@ -279,7 +279,7 @@ impl<L: Link> Bus<L> {
         }
         let counts = self.exchange(due, is_only);
         self.side.show_sync0(self.pace.in_cycle(0));
-        // before the drives are looked at: one that left OP has a fault for it
+        // before the drives' inputs are evaluated: a drive that left OP reports a fault for it
         self.read_reason();
         if counts {
             self.look_at_drives();
@@ -287,8 +287,8 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// Takes the command that is there when the second exchange is due, and sends it; with one exchange a command is
-    /// taken when that of the next cycle is due.
+    /// Sends the newest command in the second exchange, and evaluates the losses of the cycle. With one exchange,
+    /// [`measure`](Self::measure) of the next cycle sends the command.
     pub fn act(&mut self) {
         if self.table.bus.exchanges == 2 {
             let due = self.pace.in_cycle(self.table.bus.send);
@@ -307,14 +307,14 @@ impl<L: Link> Bus<L> {
         self.push_record();
     }
 
-    /// What the outputs are to be now.
+    /// Takes a reset and the newest command, and writes the outputs.
     fn decide(&mut self) {
         self.take_reset();
         self.take_command();
         self.encode();
     }
 
-    /// Hands the record of the cycle on, and begins the next.
+    /// Queues the record of the cycle, and begins the next one.
     fn push_record(&mut self) {
         let mut record = std::mem::take(&mut self.record);
         self.record.states = record.states;
@@ -333,14 +333,13 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// Whether a person has reset a fault that devices come back from by
-    /// [`restart_by_a_person`](Self::restart_by_a_person) only.
+    /// Whether a person has reset a fault that needs [`restart_by_a_person`](Self::restart_by_a_person).
     pub fn is_restart_due(&self) -> bool {
         self.is_restart_due
     }
 
-    /// Starts anew from INIT after a fault that devices do not come back from by themselves: a person has mended the
-    /// cause.
+    /// Restarts the bus from INIT after a fault in which devices left OP or stopped answering; a person has removed
+    /// the cause.
     ///
     /// # Errors
     ///
@@ -353,18 +352,18 @@ impl<L: Link> Bus<L> {
         Ok(bus)
     }
 
-    /// One exchange, due at a time \[ns\], with or without outputs that are new; whether its inputs count.
+    /// One exchange, due at a time \[ns\], with or without new outputs; returns whether its inputs are valid.
     fn exchange(&mut self, due: u64, has_outputs: bool) -> bool {
         let main = self.wire.main;
         for (position, bytes) in self.outputs.iter().enumerate() {
-            // a guard lives in one statement only: inputs that are read while it is held would wait for ever
+            // the guard has to end with its statement: reading inputs while it is held is a deadlock
             if let Ok(device) = self.group.subdevice(main, position) {
                 copy(&mut device.outputs_raw_mut(), bytes);
             }
         }
         let sent = now();
         if self.side.is_withheld() {
-            // the devices' watchdogs are being tried: as where the cable is broken
+            // a test of the devices' watchdogs: no frame is sent, as with a broken cable
             self.pace.see(sent, None);
             self.cycle.is_lost = true;
             return false;
@@ -383,7 +382,7 @@ impl<L: Link> Bus<L> {
         self.times.round_trip.saturating_record(now().saturating_sub(sent).max(1));
         self.time_outputs(answer.extra.dc_system_time, has_outputs);
         let begin = self.cycle.sync0.unwrap_or_default();
-        // a cycle of one exchange has it with its outputs
+        // the only exchange of a cycle is recorded as the first one
         let place = usize::from(has_outputs && self.table.bus.exchanges == 2);
         self.record.exchanges[place] = Exchange {
             phase: Some(answer.extra.dc_system_time.saturating_sub(begin) as u32),
@@ -399,7 +398,7 @@ impl<L: Link> Bus<L> {
         for (device, state) in (0..).zip(&answer.subdevice_states) {
             match state {
                 SubDeviceState::Op => {}
-                // nothing was written into the datagram: it may be one frame only, which the working counter tells too
+                // no device filled in the datagram; one frame alone is no fault, and its working counter is low, too
                 SubDeviceState::None => self.silent(device),
                 _ => {
                     self.dropped = self.dropped.or(Some(device));
@@ -417,8 +416,8 @@ impl<L: Link> Bus<L> {
         true
     }
 
-    /// A frame passed the reference clock at a time of that clock \[ns\]: how long before SYNC0 its outputs did, and after
-    /// which delay they act.
+    /// Records margin to SYNC0 and delay of the outputs of a frame, from the time \[ns\] at which it passed the
+    /// reference clock.
     fn time_outputs(&mut self, passed: u64, has_outputs: bool) {
         let period = self.table.bus.period;
         let begin = *self.cycle.sync0.get_or_insert(passed - passed % period);
@@ -432,7 +431,7 @@ impl<L: Link> Bus<L> {
         }
         if let Some(sampled) = self.answers.take() {
             let cycles = |from: u64, to: u64| to.saturating_sub(from) as f64 / period as f64;
-            // inputs are fetched soon after they were latched
+            // inputs are read `exchange` after the SYNC0 at which they were latched
             let now = Delay {
                 measurement: self.table.bus.exchange as f64 / period as f64,
                 total: cycles(sampled, taken_over.max(passed)),
@@ -444,14 +443,14 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// A device did not answer: a fault where the losses that are borne are used up.
+    /// A device did not answer: a fault where this loss exceeds the limit of the window.
     fn silent(&mut self, device: u16) {
         if self.low.is_used_up() {
             self.stop(Fault::DeviceSilent { device });
         }
     }
 
-    /// A device left OP: the machine stops, and the reason is read once.
+    /// A device left OP: its AL status code is read once, and the machine stops.
     fn read_reason(&mut self) {
         let Some(device) = self.dropped.take() else { return };
         if self.fault.is_some() {
@@ -482,13 +481,13 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// The first fault stands.
+    /// Stops the machine. The first fault is kept, with the frames before it.
     fn stop(&mut self, fault: Fault) {
         self.fault.get_or_insert((fault, now()));
         self.wire.frames.freeze(true);
     }
 
-    /// Hands over what was measured.
+    /// Publishes the measurement to the control task.
     fn publish(&mut self) {
         self.number += 1;
         let mut signals = [[f64::NAN; SIGNALS]; AXES];
@@ -535,8 +534,8 @@ impl<L: Link> Bus<L> {
         self.side.publish(&incoming, self.pace.system);
     }
 
-    /// Takes the newest command. After a start and after a reset commands count from the first one that is at rest,
-    /// so that nothing moves unexpectedly (ISO 14118).
+    /// Takes the newest command. After a start and after a reset commands are ignored until the first one at rest, so
+    /// that nothing moves unexpectedly (ISO 14118).
     fn take_command(&mut self) {
         if self.is_ending {
             self.command = None;
@@ -570,7 +569,7 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// A person resets faults; what has left OP stays in its fault until the bus is started again.
+    /// Resets faults on a person's request; devices that left OP need a restart of the bus.
     fn take_reset(&mut self) {
         if !self.side.take_reset() {
             return;
@@ -583,14 +582,14 @@ impl<L: Link> Bus<L> {
         }
         self.fault = None;
         self.wire.frames.freeze(false);
-        // they count from the next one at rest
+        // commands are ignored until the next one at rest
         self.command = None;
         self.lost.clear();
         self.low.clear();
         self.drives.iter_mut().for_each(Drive::reset);
     }
 
-    /// Puts the command into the outputs; with a fault, or before the first command, the safe one.
+    /// Writes the command into the outputs; with a fault, or before the first command, the safe one.
     fn encode(&mut self) {
         let braking =
             self.fault.map(|(_, since)| now().saturating_sub(since) < self.table.bus.brake);
@@ -617,7 +616,7 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// Ends the bus: drives are switched off, and the devices go to INIT, so that their watchdogs find nothing missing.
+    /// Ends the bus: drives are switched off, and the devices go to INIT, so that their watchdogs do not expire.
     pub fn end(&mut self) {
         self.is_ending = true;
         let bus = &self.table.bus;

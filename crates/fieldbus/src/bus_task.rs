@@ -1,7 +1,8 @@
 //! Bus task: a thread of its own that starts the bus, exchanges frames in step with SYNC0, and ends it.
 //!
-//! It sleeps until a frame is due, and until its answer is there. The control task has a [`FieldbusMachine`], which
-//! touches atomics only. Devices stop where frames stay away, so the thread that starts them goes on with them.
+//! It sleeps until a frame is due, and while it waits for the answer. The control task has a [`FieldbusMachine`],
+//! which uses atomics only. The devices' watchdogs expire where frames stop, so the thread that starts the devices
+//! also runs the cycle.
 
 use crate::bus::{Bus, Counters, Times};
 use crate::check::DeviceFacts;
@@ -24,33 +25,33 @@ use std::thread::{self, JoinHandle};
 /// Priority under SCHED_FIFO: between the simulation and the control task, whose core it shares.
 pub(crate) const PRIORITY: i32 = 75;
 
-/// What a bus came to.
+/// Statistics of a bus, and its fault, at its end.
 #[derive(Clone, Debug)]
 pub struct BusReport {
-    /// What was counted.
+    /// Counters of exchanges, losses and late frames.
     pub counters: Counters,
-    /// Working counter of a right exchange.
+    /// Expected working counter of an exchange.
     pub working_counter: u16,
-    /// What was measured of times.
+    /// Distributions of margins to SYNC0 and of round trips.
     pub times: Times,
-    /// Delays; none where no command has acted.
+    /// Delays from sampling; none where no command has acted.
     pub delay: Option<Delay>,
     /// The fault that stopped the machine, in a sentence with what to do.
     pub fault: Option<(Fault, String)>,
     /// The frames of the last two seconds before the fault, as pcapng; none without a fault.
     pub frames: Option<Vec<u8>>,
-    /// What was not granted or failed.
+    /// Privileges that the system refused, and failures of the task.
     pub remarks: Vec<String>,
 }
 
 /// A bus in OP.
 #[derive(Debug)]
 pub struct Started {
-    /// Its thread.
+    /// Thread of the bus task.
     pub thread: BusThread,
     /// The control task's side.
     pub machine: FieldbusMachine,
-    /// What the devices say of themselves.
+    /// Data that the devices reported at start-up.
     pub facts: Vec<DeviceFacts>,
     /// Records of its cycles.
     pub records: Consumer<CycleRecord>,
@@ -97,7 +98,8 @@ impl BusThread {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Switches the drives off, brings the devices to INIT, and ends; none where the task failed beyond its cycle.
+    /// Switches the drives off, brings the devices to INIT, and ends. No report where the task failed outside its
+    /// cycle.
     pub fn end(mut self) -> Option<BusReport> {
         self.join()
     }
@@ -126,7 +128,7 @@ fn run<L: Link>(
     let mut bus = match Bus::start(table, link) {
         Ok(bus) => bus,
         Err(error) => {
-            // who would hear it has ended
+            // the send fails where the starting thread has ended
             let _ = started.send(Err(error));
             return None;
         }
@@ -153,7 +155,7 @@ fn run<L: Link>(
         bus = match bus.restart_by_a_person() {
             Ok(bus) => bus,
             Err(error) => {
-                // control finds that no measurement comes
+                // the control task detects that measurements are missing
                 eprintln!("the bus did not start again: {error}");
                 return None;
             }

@@ -1,10 +1,10 @@
-//! Check of the table against what the devices say of themselves. Each mismatch is one sentence that says what to do.
+//! Check of the table against the data that the devices report. Each mismatch is one sentence that says what to do.
 
 use crate::cia402::HAS_CYCLIC_VELOCITY;
 use crate::table::{DeviceRow, Pdo, Sync, Table};
 use std::fmt::{self, Display, Formatter};
 
-/// What a device says of itself.
+/// Data that a device reports, from its EEPROM, objects and registers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DeviceFacts {
     /// Name in its EEPROM.
@@ -21,17 +21,17 @@ pub struct DeviceFacts {
     pub inputs: Vec<Pdo>,
     /// Whether it has a distributed clock.
     pub has_clock: bool,
-    /// Activations of its clock, by its EEPROM.
+    /// AssignActivate words of its clock modes, from its EEPROM.
     pub activations: Vec<u16>,
-    /// Modes of operation that it has (0x6502).
+    /// Supported modes of operation (0x6502).
     pub modes: Option<u32>,
-    /// Drives: reactions to a quick stop (0x605A), to a fault (0x605E) and to a lost connection (0x6007), to be shown.
+    /// Drives: reactions to a quick stop (0x605A), to a fault (0x605E) and to a lost connection (0x6007), for reports.
     pub reactions: [Option<i16>; 3],
-    /// What one unit of 0x60FF and 0x606C is \[rev/s\], by 0x60A9 or by 0x608F, 0x6091 and 0x6096.
+    /// One unit of 0x60FF and 0x606C \[rev/s\], from 0x60A9, or from 0x608F, 0x6091 and 0x6096.
     pub velocity_unit: Option<f64>,
 }
 
-/// What the name of a simulated device ends with, in its EEPROM.
+/// Suffix of the name of a simulated device, in its EEPROM.
 pub const SIMULATED: &str = " (simulated)";
 
 impl DeviceFacts {
@@ -41,7 +41,7 @@ impl DeviceFacts {
     }
 }
 
-/// What a mismatch is of.
+/// Subject of a mismatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// Number, order and identity of the devices.
@@ -54,10 +54,10 @@ pub enum Subject {
     Drive,
 }
 
-/// What of a device is not as the table says.
+/// Difference between a device and its row of the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mismatch {
-    /// What it is of.
+    /// Its subject.
     pub subject: Subject,
     /// What differs.
     pub cause: String,
@@ -71,7 +71,7 @@ impl Display for Mismatch {
     }
 }
 
-/// Sizes of velocity units are compared to this share.
+/// Relative tolerance of velocity units.
 const SAME_UNIT: f64 = 1e-6;
 /// Target velocity and velocity actual value.
 const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
@@ -89,13 +89,12 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
                 names.join(", "),
                 table.devices.len()
             ),
-            advice: "look at cables and supply behind the last of them, or correct the table"
-                .into(),
+            advice: "check cables and supply behind the last of them, or correct the table".into(),
         });
     }
     let rows = || table.devices.iter().zip(facts).enumerate();
     found.extend(rows().find_map(|(position, (row, device))| identity(position, row, device)));
-    // what another device than the table's says of itself tells nothing
+    // data of a device that is not the table's cannot be compared
     if !found.is_empty() {
         return found;
     }
@@ -128,13 +127,13 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mi
                 "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there",
                 row.name, row.vendor, row.product
             ),
-            advice: "look at the order of the devices, or correct the table".into(),
+            advice: "check the order of the devices, or correct the table".into(),
         });
     }
     (!(low..=high).contains(&revision)).then(|| Mismatch {
         subject: Subject::Devices,
         cause: format!("{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}"),
-        advice: "read what its maker changed, then widen the range".into(),
+        advice: "read in its release notes what changed, then widen the range".into(),
     })
 }
 
@@ -155,7 +154,7 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<M
                 text(table)
             ),
             advice: match row.is_mapping_written {
-                true => "it does not take what the table writes: correct the table by its manual",
+                true => "it did not accept the mapping that was written: correct the table by its manual",
                 false => {
                     "correct the table, or set mapping = \"written\" where the device allows it"
                 }
@@ -165,7 +164,7 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<M
         .collect()
 }
 
-/// The same entries in the same order. Lists without entries count for nothing.
+/// Whether both have the same entries in the same order. PDOs without entries are ignored.
 fn same(one: &[Pdo], other: &[Pdo]) -> bool {
     let used = |lists: &[Pdo]| -> Vec<Pdo> {
         lists.iter().filter(|list| !list.entries.is_empty()).cloned().collect()
@@ -195,7 +194,7 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
         return Some(Mismatch {
             subject,
             cause: format!(
-                "{} (position {position}) has no distributed clock, the table has sync for it",
+                "{} (position {position}) has no distributed clock, and the table sets sync for it",
                 row.name
             ),
             advice: "set sync = \"none\"".into(),
@@ -216,7 +215,7 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
             row.name,
             modes.join(", ")
         ),
-        advice: "take one that it has".into(),
+        advice: "set sync to a mode that it has".into(),
     })
 }
 
@@ -225,15 +224,15 @@ fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismat
     (modes & HAS_CYCLIC_VELOCITY == 0).then(|| Mismatch {
         subject: Subject::Drive,
         cause: format!(
-            "{} (position {position}) does not have cyclic synchronous velocity (0x6502 is \
+            "{} (position {position}) does not support cyclic synchronous velocity (0x6502 is \
             0x{modes:08X}, bit 8 is 0)",
             row.name
         ),
-        advice: "set it up in the drive, or take another drive".into(),
+        advice: "enable it in the drive, or use another drive".into(),
     })
 }
 
-/// The velocity unit that a drive states, against the table's factors.
+/// Compares the velocity unit that a drive states with the table's factors.
 fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Mismatch> {
     let Some(unit) = device.velocity_unit else { return Vec::new() };
     let row = &table.devices[position];
@@ -264,7 +263,7 @@ fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Misma
                 row.name,
                 scale.factor.abs()
             ),
-            advice: "write the device's".into(),
+            advice: "set factor to the drive's unit".into(),
         })
         .collect()
 }

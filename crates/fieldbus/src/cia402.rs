@@ -3,13 +3,13 @@
 
 /// Mode of operation: cyclic synchronous velocity.
 pub const CYCLIC_VELOCITY: i8 = 9;
-/// Bit of 0x6502 that says that a drive has it.
+/// Bit of 0x6502 (supported drive modes) for cyclic synchronous velocity.
 pub const HAS_CYCLIC_VELOCITY: u32 = 1 << 8;
 
 /// State of a drive, as its statusword shows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
-    /// It starts.
+    /// Not ready to switch on: the drive initialises.
     NotReady,
     /// No torque, power may not be switched on.
     SwitchOnDisabled,
@@ -21,14 +21,14 @@ pub enum DriveState {
     OperationEnabled,
     /// The motor is stopped quickly.
     QuickStopActive,
-    /// A fault is there, the motor is stopped.
+    /// A fault occurred, and the drive stops the motor.
     FaultReactionActive,
-    /// A fault is there, no torque.
+    /// Fault, no torque.
     Fault,
 }
 
 impl DriveState {
-    /// Of a statusword: bits 0 to 3, 5 and 6.
+    /// Decodes bits 0 to 3, 5 and 6 of a statusword.
     pub fn of(statusword: u16) -> Self {
         match (statusword & 0x4f, statusword & 0x6f) {
             (0x00, _) => Self::NotReady,
@@ -43,11 +43,12 @@ impl DriveState {
         }
     }
 
-    /// The controlword that leads to operation, or away from it. A fault is left alone: [`FAULT_RESET`] is a person's.
+    /// The controlword of the next transition towards operation enabled, or away from it. It never resets a fault:
+    /// [`FAULT_RESET`] is sent on a person's request only.
     pub fn controlword(self, is_operation_wanted: bool) -> u16 {
         match self {
             Self::NotReady | Self::Fault | Self::FaultReactionActive => 0x0000,
-            // by way of disabled voltage: a quick stop is not called off
+            // disable voltage: a quick stop is not cancelled
             Self::QuickStopActive => 0x0000,
             Self::SwitchOnDisabled => 0x0006,
             Self::ReadyToSwitchOn if is_operation_wanted => 0x0007,
@@ -60,11 +61,11 @@ impl DriveState {
 /// Controlword whose rising bit 7 resets a fault.
 pub const FAULT_RESET: u16 = 0x0080;
 
-/// Bits of the statusword that are watched beside the state.
+/// Bits of the statusword that are monitored beside the state.
 pub mod status_bit {
     /// A warning.
     pub const WARNING: u16 = 1 << 7;
-    /// The controlword is obeyed.
+    /// Remote: the drive follows its controlword.
     pub const REMOTE: u16 = 1 << 9;
     /// A limit inside the drive is active.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
@@ -72,22 +73,22 @@ pub mod status_bit {
     pub const FOLLOWS_TARGET: u16 = 1 << 12;
 }
 
-/// What an error code of 0x603F says (CiA 402-2, table of error codes); none for those that are not common.
+/// Text of an error code of 0x603F (CiA 402-2, table of error codes); none for codes that are not common.
 pub fn error_text(code: u16) -> Option<&'static str> {
     Some(match code {
         0x2310 | 0x2311 => "continuous over-current at the output",
         0x2320 | 0x2330 | 0x2340 => "short circuit or earth fault at the output",
         0x3110 => "mains over-voltage",
         0x3120 | 0x3130 => "mains under-voltage or a phase is missing",
-        0x3210 => "over-voltage of the DC link: braking energy is not taken up",
+        0x3210 => "over-voltage of the DC link: check the braking resistor",
         0x3220 => "under-voltage of the DC link: is the power supply on?",
         0x4210 | 0x4310 => "the drive or the motor is too hot",
         0x5112 => "the supply of 24 V is missing",
-        0x5441 => "a contactor or safe torque off has opened",
+        0x5441 => "a contactor has opened, or safe torque off is active",
         0x6320 => "a parameter is wrong",
         0x7121 => "the motor is blocked",
-        0x7300 | 0x7305 | 0x7306 | 0x7320 => "encoder fault: look at its cable",
-        0x7500 | 0x7510 | 0x8100 | 0x8180 => "the connection was lost: process data stayed away",
+        0x7300 | 0x7305 | 0x7306 | 0x7320 => "encoder fault: check its cable",
+        0x7500 | 0x7510 | 0x8100 | 0x8180 => "communication was lost: no process data arrived",
         0x8311 => "torque beyond its limit",
         0x8400 | 0x8480 => "the speed deviates from its target by too much",
         0x8500 | 0x8611 => "the position deviates from its target by too much",

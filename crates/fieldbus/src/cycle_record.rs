@@ -1,4 +1,4 @@
-//! What a cycle of the bus showed, for its log.
+//! Record of a cycle of the bus, for the log.
 
 use crate::fault::Fault;
 use crate::start_up::MOST_DEVICES;
@@ -6,7 +6,8 @@ use crate::table::Table;
 use ethercrab::SubDeviceState;
 use hydroboom_control::measurement::AXES;
 
-/// Largest process image that is recorded \[byte\]: a longer one is cut. A drive and a dozen terminals have about 100.
+/// Largest process image that is recorded \[byte\]; a longer one is truncated. A drive and a dozen terminals have
+/// about 100.
 pub const LARGEST_IMAGE: usize = 256;
 
 /// One cycle of the bus.
@@ -18,7 +19,7 @@ pub struct CycleRecord {
     pub sync0: [u64; 2],
     /// Exchanges: one or two.
     pub exchanges: [Exchange; 2],
-    /// State of each device, as it came last: 1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, 0 where it did not answer.
+    /// AL state of each device, as received last: 1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, 0 where it did not answer.
     pub states: [u8; MOST_DEVICES],
     /// Statusword and error code (0x603F, 0 where the drive does not show it) of each drive.
     pub drives: [[u16; 2]; AXES],
@@ -51,7 +52,7 @@ impl ProcessImage {
         self.0.iter_mut().zip(bytes).for_each(|(to, byte)| *to = *byte);
     }
 
-    /// Name, outputs and inputs of each device of the table that fits in whole.
+    /// Name, outputs and inputs of each device of the table whose data were recorded completely.
     pub fn devices<'a>(
         &'a self,
         table: &'a Table,
@@ -69,13 +70,13 @@ impl ProcessImage {
 /// One exchange.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Exchange {
-    /// When it passed the reference clock, after the SYNC0 before \[ns\]; none where it was lost.
+    /// Time from SYNC0 to the passage of its frame at the reference clock \[ns\]; none where it was lost.
     pub phase: Option<u32>,
     /// Its working counter; none where it was lost.
     pub working_counter: Option<u16>,
 }
 
-/// The number of a state.
+/// AL state as a number.
 pub(crate) fn number(state: SubDeviceState) -> u8 {
     match state {
         SubDeviceState::None => 0,

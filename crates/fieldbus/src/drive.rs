@@ -1,23 +1,23 @@
-//! A drive on the bus: its words in each cycle, and what is wrong with it.
+//! A CiA 402 drive on the bus: its controlword and target in each cycle, and detection of its faults.
 
 use crate::cia402::{CYCLIC_VELOCITY, DriveState, FAULT_RESET, status_bit};
 use crate::fault::Fault;
 use crate::table::DriveRow;
 
-/// Cycles for which an enabled drive may not follow its target: it takes a few to open its brake and to show its
-/// mode. Estimate; brakes open within 0.2 s.
+/// Cycles for which an enabled drive may fail to follow its target: it first opens its brake and switches its mode.
+/// Estimate; brakes open within 0.2 s.
 const MAY_IGNORE: u32 = 500;
-/// Cycles for which the bit of a fault reset stands.
+/// Cycles for which controlword bit 7 (fault reset) is sent.
 const RESET_CYCLES: u32 = 10;
 
-/// What a drive is to do.
+/// State that is requested of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
-    /// Operate, and be enabled for it.
+    /// Operation enabled.
     Operation,
-    /// Keep its power while it is enabled, to brake; not be enabled anew.
+    /// Braking: an enabled drive stays enabled and brakes with torque, another one is not enabled.
     Braking,
-    /// Be switched off.
+    /// Switched off, without torque.
     Off,
 }
 
@@ -29,11 +29,11 @@ pub(crate) struct Drive {
     statusword: u16,
     error: u16,
     has_open_stop_circuit: bool,
-    /// Whether it was enabled, so that switching off by itself is a fault.
+    /// Whether it was enabled and not commanded off: leaving operation by itself is then a fault.
     was_enabled: bool,
-    /// Cycles for which it is enabled and does not follow.
+    /// Consecutive cycles in which it was enabled and did not follow its target.
     ignoring: u32,
-    /// Cycles for which the fault reset still stands.
+    /// Cycles left in which the fault reset is sent.
     reset: u32,
 }
 
@@ -51,7 +51,7 @@ impl Drive {
         }
     }
 
-    /// Looks at its inputs; a fault where there is one.
+    /// Evaluates its inputs; returns a fault if it has one.
     pub(crate) fn see(&mut self, inputs: &[u8]) -> Option<Fault> {
         let row = &self.row;
         let device = row.device as u16;
@@ -75,7 +75,7 @@ impl Drive {
         if self.ignoring > MAY_IGNORE {
             return Some(Fault::TargetIgnored { device });
         }
-        // it was enabled, and is not any more, without having been told so
+        // it left operation enabled without a command to do so
         match was_enabled && !self.was_enabled {
             true if self.has_open_stop_circuit => Some(Fault::SafeTorqueOff { device }),
             true => Some(Fault::DriveDisabled { device }),
@@ -83,14 +83,14 @@ impl Drive {
         }
     }
 
-    /// Puts its words into its outputs; the target is zero until it is enabled.
+    /// Writes controlword, target and mode into its outputs; the target is zero until operation is enabled.
     pub(crate) fn command(&mut self, outputs: &mut [u8], wanted: Wanted, target: i64) {
         let may_operate = match wanted {
             Wanted::Operation => !self.has_open_stop_circuit,
             Wanted::Braking => self.is_enabled(),
             Wanted::Off => false,
         };
-        // that it switches off as it is told is no fault
+        // switching off on command is no fault
         self.was_enabled &= may_operate;
         let mut word = self.state.controlword(may_operate);
         if self.reset > 0 {
@@ -105,7 +105,7 @@ impl Drive {
         }
     }
 
-    /// A person resets its fault.
+    /// Begins a fault reset, on a person's request.
     pub(crate) fn reset(&mut self) {
         self.reset = RESET_CYCLES;
         self.ignoring = 0;
@@ -119,7 +119,7 @@ impl Drive {
         self.statusword
     }
 
-    /// Its error code; 0 where it has none, or does not show it.
+    /// Its error code (0x603F); 0 without a fault, or where the object is not mapped.
     pub(crate) fn error(&self) -> u16 {
         self.error
     }
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(drive.see(&inputs(0x0231, 9)), None);
         drive.command(&mut outputs, Wanted::Braking, 0);
         assert_eq!(outputs[0], 0x06, "it is not enabled anew");
-        // by itself it is one
+        // switching off by itself is a fault
         drive.see(&inputs(0x1237, 9));
         drive.command(&mut outputs, Wanted::Operation, 0);
         assert_eq!(drive.see(&inputs(0x0250, 9)), Some(Fault::DriveDisabled { device: 3 }));

@@ -1,9 +1,9 @@
-//! Faults of the bus and of what is on it, and the rule by which single losses are borne.
+//! Faults of the bus and of its devices, and the limit up to which single lost frames are tolerated.
 
 use crate::cia402::error_text;
 use crate::table::Table;
 
-/// What stopped the machine. None resets itself.
+/// Fault that stops the machine. None resets itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// Too many frames were lost, or came too late.
@@ -19,7 +19,7 @@ pub enum Fault {
     StateDropped {
         /// Its number.
         device: u16,
-        /// Why, as it says: AL status code, 0 where it could not be read.
+        /// AL status code (0x0134); 0 where it could not be read.
         code: u16,
     },
     /// A drive has a fault.
@@ -44,7 +44,7 @@ pub enum Fault {
         /// Number of the device.
         device: u16,
     },
-    /// No new command came for two periods, or one that is no number.
+    /// No new command came for two periods, or a command was NaN or infinite.
     CommandsStopped,
 }
 
@@ -76,14 +76,14 @@ impl Fault {
             None => format!("device {device}"),
         };
         match self {
-            Self::FramesLost => "too many frames were lost: look at cables, plugs and the load of this \
+            Self::FramesLost => "too many frames were lost: check cables, plugs and the load of this \
             computer".into(),
             Self::WorkingCounter => {
-                "too many frames came back with a wrong working counter: a device did not take part; \
-                look at its cable and supply".into()
+                "too many frames came back with a wrong working counter: a device did not process its \
+                data; check its cable and supply".into()
             }
             Self::DeviceSilent { device } => {
-                format!("{} does not answer: look at the cable in front of it and at its supply, then \
+                format!("{} does not answer: check the cable in front of it and its supply, then \
                 start the bus again", name(device))
             }
             Self::StateDropped { device, code } => {
@@ -102,15 +102,15 @@ impl Fault {
                 close it, then start the bus again", name(device))
             }
             Self::DriveDisabled { device } => {
-                format!("{} switched itself off without a fault: look at its enable inputs and power \
+                format!("{} switched itself off without a fault: check its enable inputs and power \
                 supply", name(device))
             }
             Self::TargetIgnored { device } => {
-                format!("{} is enabled and does not follow its target: look at local control \
+                format!("{} is enabled and does not follow its target: check local control \
                 (statusword bit 9) and mode (0x6061)", name(device))
             }
-            Self::CommandsStopped => "no new command came for two periods: control stopped or was held \
-            up".into(),
+            Self::CommandsStopped => "no new command came for two periods: the control task stopped or \
+            was delayed".into(),
         }
     }
 
@@ -133,7 +133,7 @@ impl Fault {
         }
     }
 
-    /// Of a word; a kind that is unknown is none.
+    /// Decodes a word; none for an unknown kind.
     pub(crate) fn of_word(word: u64) -> Option<Self> {
         let (device, code) = ((word >> 16) as u16, word as u16);
         Some(match word >> 32 {
@@ -151,7 +151,7 @@ impl Fault {
     }
 }
 
-/// Losses in a sliding window of cycles: more than a number of them is a fault.
+/// Cycles with a loss in a sliding window: more of them than a limit are a fault.
 #[derive(Clone, Debug)]
 pub(crate) struct LossWindow {
     most: u32,
@@ -165,7 +165,7 @@ impl LossWindow {
         Self { most, was_lost: vec![false; cycles.max(1) as usize], at: 0, count: 0 }
     }
 
-    /// Takes a cycle; whether there are too many losses now.
+    /// Adds a cycle; returns whether the losses now exceed the limit.
     pub(crate) fn take(&mut self, is_lost: bool) -> bool {
         self.at = (self.at + 1) % self.was_lost.len();
         let before = std::mem::replace(&mut self.was_lost[self.at], is_lost);
@@ -173,7 +173,7 @@ impl LossWindow {
         self.count > self.most
     }
 
-    /// Whether a loss in the next cycle would be too many; its oldest cycle has left the window then.
+    /// Whether a loss in the next cycle would exceed the limit; the oldest cycle will have left the window by then.
     pub(crate) fn is_used_up(&self) -> bool {
         let leaving = self.was_lost[(self.at + 1) % self.was_lost.len()];
         self.count - u32::from(leaving) >= self.most

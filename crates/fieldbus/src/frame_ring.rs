@@ -20,17 +20,17 @@ pub struct FrameRing {
     slot: usize,
     bytes: Vec<u8>,
     heads: Vec<Head>,
-    /// Place of the next frame.
+    /// Index of the next frame.
     next: usize,
-    /// Frames that are there.
+    /// Number of stored frames.
     count: usize,
     is_frozen: bool,
 }
 
-/// What is known of a frame.
+/// Time, length and direction of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 struct Head {
-    /// When it was sent or came \[ns\].
+    /// When it was sent or received \[ns\].
     time: u64,
     length: usize,
     is_sent: bool,
@@ -59,7 +59,7 @@ impl FrameRing {
         }
     }
 
-    /// Keeps a frame that was sent or came at a time \[ns\]. Allocates nothing.
+    /// Stores a frame that was sent or received at a time \[ns\]. Allocates nothing.
     pub(crate) fn keep(&mut self, time: u64, frame: &[u8], is_sent: bool) {
         if self.is_frozen {
             return;
@@ -75,7 +75,7 @@ impl FrameRing {
         }
     }
 
-    /// Keeps what is there: nothing more is added until it is let go.
+    /// Stops recording, so that the stored frames are not overwritten; or resumes it.
     pub(crate) fn freeze(&mut self, is_frozen: bool) {
         self.is_frozen = is_frozen;
     }

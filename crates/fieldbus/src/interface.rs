@@ -1,7 +1,7 @@
 //! Network interface: whether it can carry frames for EtherCAT, and what to do where it cannot.
 //!
-//! Frames of a bus are broadcast every period. On an interface that also carries a network they disturb it, and it
-//! disturbs them: so an interface with an address, with the default route, or in a bridge is refused.
+//! Frames of a bus are broadcast every period. On an interface of a network, these frames and the network's traffic
+//! disturb each other: so an interface with an address, with the default route, or in a bridge is refused.
 
 use nix::ifaddrs::{InterfaceAddress, getifaddrs};
 use nix::net::if_::InterfaceFlags;
@@ -31,15 +31,15 @@ pub enum InterfaceError {
     HasDefaultRoute(String),
     /// It is switched off.
     Down(String),
-    /// It has no partner: no cable, or nobody at its other end.
+    /// It has no link: no cable, or no device at its other end.
     NoCarrier(String),
     /// The process may not send frames.
     NoPermission(String),
-    /// Another process of this program has it.
+    /// Another process of this program uses it.
     Taken(String),
-    /// It carries frames for EtherCAT already: another main device is at work.
+    /// It carries frames for EtherCAT already, of another main device.
     HasTraffic(String),
-    /// The system says no otherwise.
+    /// Another error of the system.
     System(String, io::Error),
 }
 
@@ -57,11 +57,12 @@ impl Display for InterfaceError {
             ),
             Self::Wireless(name) => write!(
                 f,
-                "{name} is wireless: EtherCAT needs a cable from a network interface of this computer to the first device"
+                "{name} is wireless: EtherCAT needs a cable from a network interface of this computer to the first \
+                 device"
             ),
             Self::Bridge(name) => write!(
                 f,
-                "{name} is a bridge, which holds frames up and repeats them elsewhere: name the network interface \
+                "{name} is a bridge, which delays frames and forwards them elsewhere: name the network interface \
                  itself, and take it out of the bridge"
             ),
             Self::Member(name) => write!(
@@ -71,37 +72,36 @@ impl Display for InterfaceError {
             ),
             Self::HasAddress(name, address) => write!(
                 f,
-                "{name} has the address {address}, so that it is in use for a network: name one that is the bus's \
-                 own, or take its addresses away (ip addr flush dev {name}; sysctl -w \
+                "{name} has the address {address}, so that it is in use for a network: name one that is reserved \
+                 for the bus, or remove its addresses (ip addr flush dev {name}; sysctl -w \
                  net.ipv6.conf.{name}.disable_ipv6=1)"
             ),
             Self::HasDefaultRoute(name) => write!(
                 f,
                 "{name} has the default route, so that it is this computer's way to its network: name one that is \
-                 the bus's own"
+                 reserved for the bus"
             ),
             Self::Down(name) => {
                 write!(f, "{name} is switched off: switch it on (ip link set {name} up)")
             }
-            Self::NoCarrier(name) => write!(
-                f,
-                "{name} has no link: look at the cable to the first device and at its supply"
-            ),
+            Self::NoCarrier(name) => {
+                write!(f, "{name} has no link: check the cable to the first device and its supply")
+            }
             Self::NoPermission(name) => write!(
                 f,
-                "this program may not send frames at {name} (CAP_NET_RAW): allow it with sudo setcap \
+                "this program may not send frames on {name} (CAP_NET_RAW): allow it with sudo setcap \
                  cap_net_raw,cap_sys_nice,cap_ipc_lock+ep FILE, FILE being the program, {}",
                 std::env::current_exe()
                     .map_or_else(|_| "hydroboom".into(), |p| p.display().to_string())
             ),
             Self::Taken(name) => write!(
                 f,
-                "another process has {name} as its bus, perhaps another hydroboom run: end that first"
+                "another process uses {name}, perhaps another hydroboom run: end that first"
             ),
             Self::HasTraffic(name) => write!(
                 f,
-                "{name} carries frames for EtherCAT already: end the other main device at work there, or its second \
-                 cable to this computer"
+                "{name} carries frames for EtherCAT already: end the other main device there, or unplug a second \
+                 cable from the bus to this computer"
             ),
             Self::System(name, error) => write!(f, "{name} cannot be used: {error}"),
         }
@@ -158,7 +158,7 @@ pub(crate) fn check(name: &str) -> Result<LinkAddr, InterfaceError> {
     Ok(link)
 }
 
-/// The hardware's entry of an interface.
+/// Link-layer address and flags, if the entry has them.
 fn link_address(entry: &InterfaceAddress) -> Option<(LinkAddr, InterfaceFlags)> {
     let link = entry.address.as_ref()?.as_link_addr()?;
     Some((*link, entry.flags))
@@ -187,7 +187,7 @@ fn is_listed(file: &str, name: &str) -> bool {
         .any(|line| line.trim().strip_prefix(name).is_some_and(|rest| rest.starts_with(':')))
 }
 
-/// Whether the kernel's tables of routes, of both versions of the protocol, lead everywhere by an interface.
+/// Whether the kernel's IPv4 or IPv6 routing table has its default route at an interface.
 fn has_default_route(four: &str, six: &str, name: &str) -> bool {
     let words = |line: &str| -> Vec<String> { line.split_whitespace().map(String::from).collect() };
     // interface, destination, ..., mask

@@ -6,13 +6,13 @@
 //!               -command->      Slot  ->  Bus::act      ->
 //! ```
 //!
-//! [`Table::parse`](table::Table::parse) reads what is on the bus; [`Bus::start`](bus::Bus::start) brings it into OP;
-//! a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
+//! [`Table::parse`](table::Table::parse) reads the table of devices and signals; [`Bus::start`](bus::Bus::start)
+//! brings the devices to OP; a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
 //! [`Bus::act`](bus::Bus::act). The control task has a [`FieldbusMachine`](machine::FieldbusMachine). Frames go over
-//! a [`Link`](link::Link), and time is that of [`time`]: the clock's, or one that a thread simulates.
-//! [`diagnosis`] says why a bus does not run.
+//! a [`Link`](link::Link); [`time`] is the system's monotonic clock, or simulated. [`diagnosis`] finds out why a bus
+//! does not run.
 
-// what runs in the bus task cannot panic
+// code of the bus task must not panic: the cyclic frames would stop
 #![deny(
     clippy::disallowed_methods,
     clippy::expect_used,

@@ -25,9 +25,9 @@ pub enum MachineState {
 const SIGNALS: usize = 7;
 /// Words of an axis: signals, and their validities in one.
 const AXIS_WORDS: usize = SIGNALS + 1;
-/// Words of what the bus tells of itself: lost and dropped, whether delays are known, and both of them.
+/// Words of the bus's statistics: lost and dropped frames, whether delays are known, and two delays.
 const LINK_WORDS: usize = 5;
-/// Words of a measurement: number, SYNC0 at which it was sampled, valve, the bus's, and those of the axes.
+/// Words of a measurement: number, SYNC0 at which it was sampled, valve, statistics of the bus, axes.
 const MEASUREMENT_WORDS: usize = 3 + LINK_WORDS + AXES * AXIS_WORDS;
 /// Words of a command: sequence number, SYNC0 of the measurement that it answers, whether drives are to follow, and
 /// two of each axis.
@@ -37,16 +37,16 @@ const COMMAND_WORDS: usize = 3 + 2 * AXES;
 struct Shared {
     measurement: Slot<MEASUREMENT_WORDS>,
     command: Slot<COMMAND_WORDS>,
-    /// Whether drives follow commands, and the fault.
+    /// Whether drives follow commands, and the encoded fault.
     is_enabled: AtomicU64,
     fault: AtomicU64,
-    /// Number of resets that persons asked for.
+    /// Number of resets that were requested.
     resets: AtomicU64,
     /// A SYNC0 by this computer's clock \[ns\]; 0 where none is known.
     sync0: AtomicU64,
-    /// Whether the control task's side is no longer there.
+    /// Whether the control task's side was dropped.
     is_left: AtomicBool,
-    /// Whether no frames are to be sent, so that the devices' own watchdogs act.
+    /// Whether no frames are to be sent, so that the devices' watchdogs expire.
     is_withheld: AtomicBool,
 }
 
@@ -67,7 +67,7 @@ pub(crate) struct BusSide {
     shared: Arc<Shared>,
     /// Sequence number of the last command that was taken.
     sequence: Option<u64>,
-    /// Resets that were taken up.
+    /// Number of resets that were carried out.
     resets: u64,
 }
 
@@ -79,7 +79,7 @@ pub(crate) struct Taken {
     pub(crate) answers: u64,
 }
 
-/// Both sides, of a bus.
+/// Creates the control task's side and the bus task's side.
 pub(crate) fn hand_over(bus: &BusSettings) -> (FieldbusMachine, BusSide) {
     let shared = Arc::new(Shared::default());
     let machine = FieldbusMachine {
@@ -101,7 +101,7 @@ impl FieldbusMachine {
         }
     }
 
-    /// A person has mended the cause of a fault and resets it. Never called by a program on its own.
+    /// Resets a fault whose cause a person has removed. It is called on a person's request only, never automatically.
     pub fn reset_by_a_person(&self) {
         self.shared.resets.fetch_add(1, Ordering::AcqRel);
     }
@@ -138,7 +138,7 @@ impl Machine for FieldbusMachine {
             lost,
             dropped,
             delay: (has_delay == 1).then_some(delay),
-            // a bus without new commands is in its fault
+            // without new commands the bus has the fault `commands-stopped`
             commands_lost: false,
         };
         Some(Incoming { measurement, valve, status: Some(status), link: Some(link) })
@@ -169,7 +169,7 @@ impl Machine for FieldbusMachine {
         match self.shared.sync0.load(Ordering::Acquire) {
             0 => due,
             sync0 => {
-                // the begin of a period that is nearest
+                // the nearest begin of a control period
                 let off = due.wrapping_sub(sync0 + self.begin) as i64;
                 let (period, half) = (self.period as i64, self.period as i64 / 2);
                 due.wrapping_add_signed(half - (off + half).rem_euclid(period))
@@ -203,7 +203,7 @@ fn bits_of(validity: Validity) -> u64 {
 }
 
 impl BusSide {
-    /// Hands a measurement over, of a SYNC0 by the devices' clock \[ns\].
+    /// Publishes a measurement that was sampled at a SYNC0, by the devices' clock \[ns\].
     pub(crate) fn publish(&self, incoming: &Incoming, sampled: u64) {
         let measurement = &incoming.measurement;
         let mut words = [0; MEASUREMENT_WORDS];
@@ -236,7 +236,7 @@ impl BusSide {
         self.shared.measurement.publish(words);
     }
 
-    /// The newest command, if none was taken since it was sent.
+    /// The newest command; none where it was taken before.
     pub(crate) fn take_command(&mut self) -> Option<Taken> {
         let (_, [sequence, answers, is_enabled, axes @ ..]) = self.shared.command.read()?;
         if self.sequence.is_some_and(|last| sequence <= last) {
@@ -253,7 +253,7 @@ impl BusSide {
         Some(Taken { outgoing: Outgoing { command, is_enabled: is_enabled == 1 }, answers })
     }
 
-    /// Whether the control task's side is no longer there.
+    /// Whether the control task's side was dropped.
     pub(crate) fn is_left(&self) -> bool {
         self.shared.is_left.load(Ordering::Acquire)
     }
@@ -263,12 +263,12 @@ impl BusSide {
         self.shared.is_withheld.load(Ordering::Acquire)
     }
 
-    /// Shows a SYNC0 by this computer's clock \[ns\].
+    /// Publishes a SYNC0 by this computer's clock \[ns\].
     pub(crate) fn show_sync0(&self, sync0: u64) {
         self.shared.sync0.store(sync0, Ordering::Release);
     }
 
-    /// Whether a person asked for a reset since it was looked at last.
+    /// Whether a person has requested a reset since the last call.
     pub(crate) fn take_reset(&mut self) -> bool {
         let resets = self.shared.resets.load(Ordering::Acquire);
         std::mem::replace(&mut self.resets, resets) != resets
@@ -303,7 +303,7 @@ mod tests {
         bus.publish(&incoming, sampled);
         let mut read = machine.read().unwrap();
         let [axis] = &mut read.measurement.axes;
-        // what is absent or out of range is no value
+        // an absent value, or one out of range, is NaN
         for (value, sent) in [
             (&mut axis.signals.pressure_b, signals.pressure_b),
             (&mut axis.signals.motor_speed, signals.motor_speed),
@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(bus.take_command(), Some(taken));
         assert_eq!(bus.take_command(), None, "an old command is not taken again");
         machine.write(1, &outgoing);
-        assert_eq!(bus.take_command(), None, "nor one with a number that was there");
+        assert_eq!(bus.take_command(), None, "nor one with a number that was sent before");
     }
 
     #[test]

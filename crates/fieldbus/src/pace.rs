@@ -1,17 +1,17 @@
-//! Pace: when frames are sent, by SYNC0 of the devices as this computer's clock sees it.
+//! Pace: send times of frames, from the phase of the devices' SYNC0 against this computer's clock.
 
 use crate::table::BusSettings;
 
-/// Share of a deviation by which the estimate of SYNC0 is corrected at each frame, as a divisor: what frames are late
-/// by is smoothed, and clocks that drift by 100 ppm leave 0.8 us at a period of 1 ms.
+/// Divisor of the deviation by which each frame corrects the estimate of SYNC0. It filters the jitter of sending; a
+/// clock drift of 100 ppm leaves an error of 0.8 us at a period of 1 ms.
 const GAIN: i64 = 8;
 
-/// Phase of SYNC0, estimated from the system time that came with each frame.
+/// Phase of SYNC0, estimated from the devices' system time (0x0910) that each frame brings back.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
     period: u64,
     exchange: u64,
-    /// A SYNC0 by this computer's clock \[ns\], the last before the newest frame; none before the first.
+    /// Last SYNC0 before the newest frame, by this computer's clock \[ns\]; none before the first answer.
     sync0: Option<u64>,
     /// That SYNC0 by the devices' system time \[ns\].
     pub(crate) system: u64,
@@ -24,7 +24,8 @@ impl Pace {
         Self { period: bus.period, exchange: bus.exchange, sync0: None, system: 0, sent: 0 }
     }
 
-    /// A frame was sent at a time \[ns\], and came back with the devices' system time \[ns\], or was lost.
+    /// Takes the send time of a frame \[ns\], and the devices' system time that it brought back \[ns\]; none where it
+    /// was lost.
     pub(crate) fn see(&mut self, sent: u64, system: Option<u64>) {
         self.sent = sent;
         if let Some(system) = system {
@@ -44,10 +45,10 @@ impl Pace {
         }
     }
 
-    /// SYNC0 before a time \[ns\].
+    /// Last SYNC0 before a time \[ns\].
     fn before(&self, time: u64) -> u64 {
         match self.sync0 {
-            // the estimate may lie after the time by what it is smoothed
+            // the filtered estimate may lie after the time
             Some(sync0) => {
                 let after = (time.wrapping_sub(sync0) as i64).rem_euclid(self.period as i64);
                 time.wrapping_sub(after as u64)
@@ -61,8 +62,8 @@ impl Pace {
         self.before(self.sent) + self.period + self.exchange
     }
 
-    /// Until when the answer to a frame is waited for that was sent at a time \[ns\]: until a margin before what
-    /// comes next in the period.
+    /// Deadline for the answer to a frame that was sent at a time \[ns\]: a margin before the second exchange, or
+    /// before the end of the period.
     pub(crate) fn answer_end(&self, sent: u64, bus: &BusSettings, margin: u64) -> u64 {
         let begin = self.before(sent);
         let next =
@@ -100,7 +101,7 @@ mod tests {
         for cycle in 0..2000 {
             let sent = time + [0, 40_000, 5_000, 90_000][cycle % 4];
             pace.see(sent, (cycle % 50 != 7).then(|| system(sent)));
-            // what a gain of 1/8 leaves of 100 ns a period, and of a period without an answer
+            // error that a gain of 1/8 leaves of a drift of 100 ns a period, and of a period without an answer
             assert!(from_sync0(pace.in_cycle(0)) < 2_000, "cycle {cycle}");
             time = pace.next_exchange();
             assert!(time > sent + BUS.exchange, "cycle {cycle}");

@@ -1,7 +1,7 @@
 //! Raw socket: a network interface as a link, by Linux's AF_PACKET sockets.
 //!
-//! Whoever waits sleeps in the kernel: a task with a real-time priority that looked again and again would keep what
-//! is to answer, or the interface's interrupt, from running on its core.
+//! A waiting task sleeps in the kernel: with a real-time priority, polling would keep the interface's interrupt, or a
+//! simulation of devices, from running on its core.
 
 use crate::interface::{InterfaceError, check};
 use crate::link::Link;
@@ -22,7 +22,7 @@ const SILENCE: u64 = 20_000_000;
 /// Largest Ethernet frame \[byte\].
 const LARGEST_FRAME: usize = 1536;
 
-/// A network interface that is this bus's own.
+/// A network interface that is reserved for this bus.
 #[derive(Debug)]
 pub struct RawSocket {
     socket: Socket,
@@ -31,7 +31,8 @@ pub struct RawSocket {
 }
 
 impl RawSocket {
-    /// Opens an interface for a main device: alone on it, and in silence.
+    /// Opens an interface for a main device. It is refused where another process has it, or where frames already
+    /// arrive.
     ///
     /// # Errors
     ///
@@ -45,7 +46,7 @@ impl RawSocket {
         }
     }
 
-    /// Opens an interface for simulated devices, which answer what they are asked.
+    /// Opens an interface for simulated devices, which only answer frames: traffic is no reason to refuse it.
     ///
     /// # Errors
     ///
@@ -57,7 +58,7 @@ impl RawSocket {
             _ => InterfaceError::System(interface.into(), error),
         };
         let socket = socket(&link).map_err(of)?;
-        // a name of the network namespace, which goes with the process that has it
+        // an abstract socket name in the network namespace, which the kernel frees when its process ends
         let name = SocketAddr::from_abstract_name(format!("hydroboom-ethercat-{interface}"));
         let taken = name.and_then(|name| UnixListener::bind_addr(&name));
         let taken = taken.map_err(|error| match error.kind() {
@@ -72,9 +73,9 @@ impl RawSocket {
 fn socket(link: &nix::sys::socket::LinkAddr) -> io::Result<Socket> {
     let protocol = Protocol::from(i32::from(ETHERTYPE.to_be()));
     let socket = Socket::new(Domain::PACKET, Type::RAW, Some(protocol))?;
-    // the interface's own address names no protocol, and the socket keeps its
+    // the address of the interface has no protocol, so that the socket keeps its own
     bind(socket.as_raw_fd(), link)?;
-    // frames of other interfaces that came before it was bound
+    // discards frames of other interfaces that came before the socket was bound
     let mut frame = [0; LARGEST_FRAME];
     while recv(socket.as_raw_fd(), &mut frame, MsgFlags::MSG_DONTWAIT).is_ok() {}
     Ok(socket)

@@ -1,4 +1,4 @@
-//! What a device's EEPROM (SII) says of its process data and its distributed clock (ETG.1000.6, ETG.2010).
+//! Process data and clock modes of a device, as its EEPROM (SII) describes them (ETG.1000.6, ETG.2010).
 
 use crate::link::Link;
 use crate::table::{Entry, Pdo};
@@ -6,28 +6,28 @@ use crate::wire::Wire;
 use ethercrab::SubDevice;
 use ethercrab::error::Error;
 
-/// Word of the first category.
+/// Word address of the first category.
 const FIRST_CATEGORY: u16 = 0x40;
-/// Category of inputs (TxPDO), of outputs (RxPDO), of the distributed clock; and what stands behind the last.
+/// Category types: inputs (TxPDO), outputs (RxPDO), distributed clock; and the end marker.
 const INPUTS: u16 = 50;
 const OUTPUTS: u16 = 51;
 const CLOCK: u16 = 60;
 const END: u16 = 0xffff;
-/// Most categories that are read: of a damaged EEPROM not for ever.
+/// Largest number of categories that are read, so that a damaged EEPROM causes no endless loop.
 const MOST_CATEGORIES: u32 = 64;
 
-/// What the EEPROM says.
+/// The part of the EEPROM that the table is compared with.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sii {
     /// Outputs (RxPDO).
     pub outputs: Vec<Pdo>,
     /// Inputs (TxPDO).
     pub inputs: Vec<Pdo>,
-    /// Activations (0x0980) that the device has modes for.
+    /// AssignActivate words (for registers 0x0980 and 0x0981) of the device's clock modes.
     pub activations: Vec<u16>,
 }
 
-/// Reads what is needed of it.
+/// Reads the categories of process data and of the distributed clock.
 pub(crate) fn read<L: Link>(wire: &mut Wire<L>, device: &SubDevice) -> Result<Sii, Error> {
     let main = wire.main;
     let mut sii = Sii::default();
@@ -58,8 +58,8 @@ fn u16_at(bytes: &[u8], at: usize) -> u16 {
         | u16::from(bytes.get(at + 1).copied().unwrap_or(0)) << 8
 }
 
-/// Lists of process data: a head of 8 bytes with index and number of entries, then 8 bytes an entry. Lists that no
-/// sync manager has are left out.
+/// PDOs: a header of 8 bytes with index and number of entries, then 8 bytes for each entry. PDOs that are assigned to
+/// no sync manager (0xFF) are left out.
 fn lists(mut data: &[u8]) -> Vec<Pdo> {
     let mut lists = Vec::new();
     while let Some((head, rest)) = data.split_at_checked(8) {

@@ -1,13 +1,13 @@
 //! Start-up: from a link to devices in OP that exchange process data by their clocks.
 //!
 //! ```text
-//! INIT -> PREOP    found, identity and process data checked against the table, start-up SDOs, watchdogs, clocks
-//! PREOP -> SAFEOP  process data begin: inputs
-//! SAFEOP -> OP     requested while process data go on, as drives refuse OP without them
+//! INIT -> PREOP    devices found and checked against the table, start-up SDOs, PDO mapping, watchdogs, clocks
+//! PREOP -> SAFEOP  exchange of process data begins: inputs are valid, outputs stay safe
+//! SAFEOP -> OP     requested while process data are exchanged, as drives refuse OP without them
 //! ```
 //!
 //! SDOs are sent here only, never in a cycle: ethercrab 0.7.1 panics where an emergency comes in place of an answer
-//! (`mailbox/coe/mod.rs:231`), and a panic of a start-up is caught and told.
+//! (`mailbox/coe/mod.rs:231`), and a panic of a start-up is caught and reported.
 
 use crate::bus::{Bus, Times};
 use crate::check::{DeviceFacts, Mismatch, mismatches};
@@ -38,17 +38,17 @@ pub const LARGEST_IMAGE: usize = 512;
 pub(crate) type Devices<S, C = HasDc> =
     SubDeviceGroup<MOST_DEVICES, LARGEST_IMAGE, DefaultLock, S, C>;
 
-/// Time from the set-up of the clocks to the first SYNC0 \[ns\]: the devices' registers are written in it.
+/// Time from the set-up of the clocks to the first SYNC0 \[ns\], in which the devices' registers are written.
 const FIRST_PULSE: u64 = 100_000_000;
-/// Time that devices have to go from SAFEOP to OP \[ns\]; drives that lock onto SYNC0 take hundreds of milliseconds.
+/// Timeout of the transition from SAFEOP to OP \[ns\]; drives that lock onto SYNC0 take hundreds of milliseconds.
 const UNTIL_OP: u64 = 5_000_000_000;
 /// State INIT, as it is requested.
 const INIT: u8 = 1;
-/// Frames by which devices are told to go to INIT, where the ones before were lost.
+/// Attempts to send the request for INIT, as frames may be lost.
 const TRIES: u32 = 3;
-/// Divider of the watchdogs: units of 40 ns in 100 us, less two.
+/// Watchdog divider (0x0400) for a unit of 100 us: multiples of 40 ns, less two.
 const WATCHDOG_DIVIDER: u16 = 2498;
-/// Longest version of a device's software that is read \[byte\].
+/// Longest software version (0x100A) that is read \[byte\].
 const SOFTWARE: usize = 64;
 /// Unit of the process-data watchdog by that divider \[ns\].
 const WATCHDOG_UNIT: u64 = 100_000;
@@ -58,7 +58,7 @@ const WATCHDOG_UNIT: u64 = 100_000;
 pub enum StartError {
     /// The devices are not those of the table, or not set up as it says: one sentence each.
     Mismatch(Vec<String>),
-    /// Something failed.
+    /// A part of the start-up failed.
     Failed(String),
 }
 
@@ -98,11 +98,11 @@ impl<L: Link> Bus<L> {
         let main = wire.main;
         let group: Devices<PreOp, NoDc> =
             wire.run(main.init_single_group(now)).map_err(|error| {
-                failed("the devices could not be found; are cable and supply right?", error)
+                failed("the search for devices failed; check cable and supply", error)
             })?;
         if group.is_empty() {
             return Err(StartError::Failed(
-                "no device answers: look at the cable and the supply of the first device".into(),
+                "no device answers: check the cable and the supply of the first device".into(),
             ));
         }
         let facts = prepare(&mut wire, &group, &table)?;
@@ -111,7 +111,7 @@ impl<L: Link> Bus<L> {
     }
 }
 
-/// Checks devices, writes SDOs and watchdogs; what the devices say of themselves.
+/// Checks devices, writes SDOs and watchdogs; returns the data that the devices report.
 fn prepare<L: Link>(
     wire: &mut Wire<L>,
     group: &Devices<PreOp, NoDc>,
@@ -120,15 +120,19 @@ fn prepare<L: Link>(
     let main = wire.main;
     let mut facts = Vec::new();
     for position in 0..group.len() {
-        let device = group.subdevice(main, position).map_err(|e| failed("a device", e))?;
+        let device = group
+            .subdevice(main, position)
+            .map_err(|e| failed("a device could not be addressed", e))?;
         facts.push(identity(&device));
     }
-    // what another device than the table's would be written is not known
+    // nothing is written to a device that is not the table's
     if facts.len() != table.devices.len() || !identities_fit(table, &facts) {
         return Err(mismatch(&mismatches(table, &facts)));
     }
     for (position, row) in table.devices.iter().enumerate() {
-        let device = group.subdevice(main, position).map_err(|e| failed("a device", e))?;
+        let device = group
+            .subdevice(main, position)
+            .map_err(|e| failed("a device could not be addressed", e))?;
         let is_drive = table.drives.iter().any(|drive| drive.device == position);
         facts[position] = prepare_device(wire, &device, row, is_drive).map_err(|(what, e)| {
             failed(&format!("{what} of {} (position {position})", row.name), e)
@@ -144,7 +148,8 @@ fn mismatch(found: &[Mismatch]) -> StartError {
     StartError::Mismatch(found.iter().map(ToString::to_string).collect())
 }
 
-/// Writes SDOs, lists and watchdog of a device; what it says of itself, or what of it failed, and why.
+/// Writes SDOs, PDO mapping and watchdog of a device. Returns the data that it reports, or the failed part and its
+/// cause.
 pub(crate) fn prepare_device<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
@@ -165,7 +170,7 @@ pub(crate) fn prepare_device<L: Link, S: Deref<Target = SubDevice>>(
     known.activations = sii.activations;
     let has_mailbox = has_mailbox(row, wire, device);
     if has_mailbox {
-        // a device that does not state its version can be used all the same
+        // a device without a software version is no error
         known.software = software(wire, device).unwrap_or(None);
     }
     (known.outputs, known.inputs) = match has_mailbox {
@@ -178,7 +183,7 @@ pub(crate) fn prepare_device<L: Link, S: Deref<Target = SubDevice>>(
     if is_drive {
         known.modes = optional(wire, device, 0x6502, 0).map_err(told("0x6502"))?;
         for (reaction, index) in known.reactions.iter_mut().zip([0x605a, 0x605e, 0x6007]) {
-            *reaction = optional(wire, device, index, 0).map_err(told("a reaction"))?;
+            *reaction = optional(wire, device, index, 0).map_err(told("a stop reaction"))?;
         }
         known.velocity_unit = velocity_unit(wire, device).map_err(told("the velocity unit"))?;
     }
@@ -230,11 +235,11 @@ pub(crate) fn with_clocks<L: Link>(
         .run(group.into_pre_op_pdi(main))
         .map_err(|e| failed("process data could not be mapped", e))?;
     wire.run(group.configure_dc_sync(main, clocks)).map_err(|e| {
-        failed("the distributed clocks could not be set up; has the first device one?", e)
+        failed("the distributed clocks could not be set up; does a device have one?", e)
     })
 }
 
-/// Exchanges process data from SAFEOP on, as drives refuse OP without them; the phase of SYNC0 after it has begun.
+/// Exchanges process data in SAFEOP, as drives refuse OP without them; returns the phase of SYNC0 once it runs.
 pub(crate) fn settle<L: Link>(wire: &mut Wire<L>, group: &Devices<SafeOp>, table: &Table) -> Pace {
     let main = wire.main;
     let mut pace = Pace::new(&table.bus);
@@ -248,7 +253,7 @@ pub(crate) fn settle<L: Link>(wire: &mut Wire<L>, group: &Devices<SafeOp>, table
     pace
 }
 
-/// Clocks, SAFEOP, OP.
+/// Sets up the clocks, and brings the devices to SAFEOP and OP.
 fn into_op<L: Link>(
     wire: &mut Wire<L>,
     group: Devices<PreOp, NoDc>,
@@ -288,7 +293,7 @@ fn into_op<L: Link>(
     }
 }
 
-/// The devices that refused a state, with their reasons.
+/// The devices that refused a state, with their AL status codes.
 fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String {
     let main = wire.main;
     let mut found = Vec::new();
@@ -297,7 +302,7 @@ fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String 
         match wire.run(read.receive::<u16>(main)) {
             Ok(0) => {}
             Ok(code) => {
-                found.push(format!("{} (position {position}) says {}", row.name, al_text(code)))
+                found.push(format!("{} (position {position}) reports {}", row.name, al_text(code)))
             }
             Err(_) => found.push(format!("{} (position {position}) does not answer", row.name)),
         }
@@ -305,7 +310,8 @@ fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String 
     if found.is_empty() { error.to_string() } else { found.join("; ") }
 }
 
-/// Tells the devices to go to INIT, so that their watchdogs find nothing missing; who does not hear it has its watchdog.
+/// Requests INIT of all devices, so that their watchdogs do not expire. A device that misses the request is stopped by
+/// its watchdog.
 pub(crate) fn to_init<L: Link>(wire: &mut Wire<L>, period: u64) {
     let main = wire.main;
     let init = ethercrab::Command::bwr(RegisterAddress::AlControl.into());
@@ -318,20 +324,20 @@ pub(crate) fn to_init<L: Link>(wire: &mut Wire<L>, period: u64) {
     }
 }
 
-/// What an AL status code says.
+/// Text of an AL status code.
 pub(crate) fn al_text(code: u16) -> String {
     use ethercrab::EtherCrabWireRead;
     AlStatusCode::unpack_from_slice(&code.to_le_bytes())
         .map_or_else(|_| format!("{code:#06x}"), |code| code.to_string())
 }
 
-/// What can go wrong with an SDO or a register.
+/// Failure of an SDO or of a register access.
 #[derive(Clone, Debug)]
 pub(crate) enum Trouble {
     Bus(Error),
     /// ethercrab panicked: an emergency came in place of an answer.
     Panic,
-    /// A register does not hold what was written.
+    /// A register does not read back the value that was written.
     NotKept(&'static str),
 }
 
@@ -340,16 +346,16 @@ impl Display for Trouble {
         match self {
             Self::Bus(error) => error.fmt(f),
             Self::Panic => f.write_str(
-                "the device sent an emergency in place of an answer: it has a fault; mend that (see its \
-                display or manual), then start again",
+                "the device sent an emergency in place of an answer: it has a fault; remove its cause (see \
+                its display or manual), then start again",
             ),
-            Self::NotKept(what) => write!(f, "{what} does not hold what was written: the device does \
-            not have this watchdog; leave watchdog_ms out"),
+            Self::NotKept(what) => write!(f, "{what} does not read back the value that was written: \
+            the device does not have this watchdog; leave watchdog_ms out"),
         }
     }
 }
 
-/// Waits for an SDO; a panic of ethercrab is caught. Nothing that it leaves half done is used again before the next
+/// Waits for an SDO; a panic of ethercrab is caught. State that it left incomplete is not used again before the next
 /// INIT.
 fn sdo<L: Link, T>(
     wire: &mut Wire<L>,
@@ -370,7 +376,7 @@ fn read<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
     sdo(wire, device.sdo_read(index, sub))
 }
 
-/// Reads an object that a device need not have.
+/// Reads an optional object; none where the device does not have it.
 pub(crate) fn optional<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
@@ -412,7 +418,7 @@ fn write<L: Link, S: Deref<Target = SubDevice>>(
     }
 }
 
-/// Version of the device's software (0x100A), without what is no printable text.
+/// Version of the device's software (0x100A), without control characters.
 fn software<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
@@ -443,7 +449,8 @@ fn has_mailbox<L: Link, S: Deref<Target = SubDevice>>(
         && !matches!(&read::<_, _, u8>(wire, device, 0x1c12, 0), Err(trouble) if is_absent(trouble))
 }
 
-/// The lists that an object assigns; those of the table are written before, where it says so and they differ.
+/// The PDOs that 0x1C12 or 0x1C13 assigns. Where they differ and `mapping` is `written`, the table's are written
+/// first.
 fn lists<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
@@ -499,7 +506,7 @@ const REVOLUTION: u8 = 0xb4;
 const SECOND: u8 = 0x03;
 const MINUTE: u8 = 0x47;
 
-/// What one unit of velocity is \[rev/s\], where the device has the objects that state it (CiA 402-2).
+/// Unit of velocity \[rev/s\]; none where the device does not have the objects that state it (CiA 402-2).
 fn velocity_unit<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,

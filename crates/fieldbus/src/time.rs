@@ -1,7 +1,7 @@
 //! Time of the bus: the system's monotonic clock, or a simulated one, which a thread sets for itself.
 //!
-//! It is the time driver of `ethercrab` without its `std` feature (crate `embassy-time-driver`), of which a binary
-//! has one. So that the same binary runs in real and in simulated time, the driver asks the calling thread: tests in
+//! It is the time driver of `ethercrab` without its `std` feature (crate `embassy-time-driver`); a binary can have
+//! only one. So that the same binary runs in real and in simulated time, the driver asks the calling thread: tests in
 //! threads of their own do not disturb each other. Futures are polled by hand until they are ready, so that a waker
 //! is never used; the nearest time that a future waits for is kept.
 
@@ -25,7 +25,7 @@ pub fn now() -> u64 {
     SIMULATED.get().unwrap_or_else(posix::now)
 }
 
-/// Sets the simulated time of this thread \[ns\]; from now on it does not see the system's clock.
+/// Sets the simulated time of this thread \[ns\]; the thread no longer reads the system's clock.
 pub fn simulate(time: u64) {
     SIMULATED.set(Some(time));
 }

@@ -1,4 +1,5 @@
-//! Exchange of frames: futures of the main device are polled by hand, and what they want sent goes over the link.
+//! Exchange of frames: futures of ethercrab's main device are polled by hand; the frames that they queue go over the
+//! link.
 
 use crate::frame_ring::FrameRing;
 use crate::link::Link;
@@ -11,14 +12,14 @@ use std::time::Duration;
 
 /// Frames that may be under way at once.
 const FRAMES: usize = 8;
-/// Largest payload of a frame \[byte\]: what Ethernet takes, less headers.
+/// Largest payload of a frame \[byte\]: that of an Ethernet frame, less headers.
 const PAYLOAD: usize = PduStorage::element_size(1400);
 /// Largest Ethernet frame \[byte\].
 const LARGEST_FRAME: usize = 1536;
-/// A future that waits for nothing but a frame is polled again after this time \[ns\].
+/// Longest wait for a frame before a future without a timer is polled again \[ns\].
 const IDLE: u64 = 1_000_000;
 
-/// Time between two looks at a mailbox or a state \[us\]: devices answer within milliseconds.
+/// Polling interval of a mailbox or an AL state \[us\]: devices answer within milliseconds.
 const LOOK: u64 = 500;
 
 /// A main device and its link.
@@ -28,15 +29,15 @@ pub(crate) struct Wire<L> {
     rx: PduRx<'static>,
     pub(crate) link: L,
     buffer: [u8; LARGEST_FRAME],
-    /// Frames that came and were not waited for: late, repeated, or somebody else's.
+    /// Received frames that answer no pending exchange: late, repeated, or of another sender.
     pub(crate) unexpected: u64,
     /// The newest frames.
     pub(crate) frames: FrameRing,
 }
 
 impl<L: Link> Wire<L> {
-    /// A main device on a link. Its storage of 11 kB stays until the process ends, as a main device has to outlive
-    /// its frames.
+    /// A main device on a link. Its storage of 11 kB is not freed until the process ends, as a main device has to
+    /// outlive its frames.
     pub(crate) fn new(link: L, config: MainDeviceConfig, frames: FrameRing) -> Result<Self, Error> {
         let storage: &'static PduStorage<FRAMES, PAYLOAD> = Box::leak(Box::new(PduStorage::new()));
         // a new storage has not been split
@@ -57,7 +58,8 @@ impl<L: Link> Wire<L> {
         }
     }
 
-    /// Polls a future until it is ready, or until a time \[ns\] has come; then what it waits for is given up.
+    /// Polls a future until it is ready, or until a time \[ns\]; then the exchange is abandoned, and there is no
+    /// output.
     pub(crate) fn run_until<F: Future>(&mut self, future: F, end: u64) -> Option<F::Output> {
         let mut future = pin!(future);
         loop {
@@ -70,7 +72,7 @@ impl<L: Link> Wire<L> {
         }
     }
 
-    /// Polls once; then sends what is to be sent, and waits for a frame.
+    /// Polls once, sends the queued frames, and waits for a frame.
     fn step<F: Future>(&mut self, future: std::pin::Pin<&mut F>, end: u64) -> Option<F::Output> {
         forget_timers();
         if let Poll::Ready(output) = future.poll(&mut Context::from_waker(Waker::noop())) {

@@ -57,7 +57,7 @@ fn each_problem_is_told_with_line_key_what_was_read_and_what_is_allowed() {
         (
             "entry      = [0x60ff, 0]",
             "entry = [0x60fe, 0]",
-            ["commanded[1].entry", "0x60FE:00", "lists of drive"],
+            ["commanded[1].entry", "0x60FE:00", "PDOs of drive"],
         ),
         ("type       = \"bool\"", "type = \"u8\"", ["commanded[2].type", "8 bit", "1 bit"]),
         (

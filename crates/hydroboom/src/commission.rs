@@ -50,7 +50,8 @@ pub struct Commission {
     /// [machine.ethercat] of the crane file.
     #[arg(long, value_name = "FILE")]
     bus: Option<InputFile>,
-    /// Record to write (TOML): results, what was measured, and what they are valid for. `run --commissioning` reads it.
+    /// Record to write (TOML): results, measured quantities, and the machine and files that they are valid for. `run`
+    /// reads it by --commissioning.
     #[arg(long, value_name = "FILE")]
     record: OutputFile,
     /// Simulated time: with the virtual crane, as fast as possible; a simulated person opens the stop circuit.
@@ -79,7 +80,7 @@ impl Commission {
         if self.bus.is_some() && !matches!(self.machine, MachineArgument::EtherCat(_)) {
             return Err(miette!(
                 help = "name the interface, as in --machine ethercat:eth1",
-                "--bus is the table of devices at a network interface, and the machine is none"
+                "--bus is the table of an EtherCAT bus, and --machine names no network interface"
             ));
         }
         let (basis, sequence, machine) = match &self.machine {
@@ -138,7 +139,7 @@ impl Commission {
                 if let Some((_, sentence)) =
                     report.as_ref().and_then(|report| report.fault.as_ref())
                 {
-                    output::note(&format!("the bus's own fault: {sentence}"));
+                    output::note(&format!("fault of the bus: {sentence}"));
                 }
                 report.iter().flat_map(|report| &report.remarks).for_each(|r| output::note(r));
                 (basis, ran?, format!("ethercat:{interface}"))
@@ -147,7 +148,7 @@ impl Commission {
         self.conclude(&basis, &sequence, &machine)
     }
 
-    /// Writes the record, prints the results, and tells of the step that failed.
+    /// Writes the record, prints the results, and reports the step that failed.
     fn conclude(&self, basis: &Basis, sequence: &Sequence, machine: &str) -> Result<()> {
         let date = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
         let text = record::text(basis, machine, &date, sequence);
@@ -175,10 +176,10 @@ impl Commission {
         let step = sequence.step();
         let why = match &sequence.outcomes()[step.place()] {
             Some(Outcome::Failed(finding)) => finding.to_string(),
-            _ => "it did not come to its end".into(),
+            _ => "the step did not finish".into(),
         };
         Err(miette!(
-            help = "mend the cause, then commission anew from the beginning",
+            help = "remove the cause, then start commissioning again from the beginning",
             "commissioning failed in step {}: {why}",
             step.name()
         ))
@@ -200,7 +201,7 @@ fn remark(step: Step, outcome: &Option<Outcome>, sequence: &Sequence) -> String 
     }
 }
 
-/// For machines.
+/// Results as JSON.
 fn results(basis: &Basis, sequence: &Sequence, machine: &str) -> Value {
     let steps = Step::ALL.iter().zip(sequence.outcomes()).map(|(step, outcome)| {
         let all = record::measured(*step, sequence.quantities());
@@ -233,17 +234,18 @@ fn consent(basis: &Basis) -> Result<()> {
     if !std::io::stdin().is_terminal() {
         return Err(miette!(
             help = "start it in a terminal, at the machine",
-            "a real machine is commissioned by a person at a terminal, and the input is none"
+            "a real machine is commissioned by a person at a terminal, and standard input is no terminal"
         ));
     }
     output::note(
-        "this machine is real. Nobody is under or beside the load, the hardware emergency stop is in reach and was \
-         tried, the load may fall by what its stops allow. Enter begins, Ctrl-C ends",
+        "this machine is real. Make sure that nobody is under or beside the load, that the hardware emergency stop is \
+         in reach and was tested, and that a fall of the load to its mechanical stop does no harm. Enter begins, \
+         Ctrl-C ends",
     );
     let mut line = String::new();
     match std::io::stdin().read_line(&mut line) {
         Ok(count) if count > 0 => Ok(()),
-        _ => Err(miette!("not begun: the input ended")),
+        _ => Err(miette!("not begun: standard input was closed")),
     }
 }
 
@@ -268,7 +270,7 @@ fn run(
     Ok(sequence)
 }
 
-/// Tells of a step or of what is asked for.
+/// Prints a step or a prompt.
 fn tell(told: Told) {
     match told {
         Told::Step(step) => output::note(&format!("{}: {}", step.name(), step.text())),

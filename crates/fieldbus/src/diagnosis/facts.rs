@@ -1,4 +1,4 @@
-//! Facts of a bus, as its registers and objects show them.
+//! Facts of a bus, as read from registers and objects of its devices.
 
 use crate::bus::Histogram;
 use crate::check::DeviceFacts;
@@ -9,22 +9,22 @@ pub const PORTS: usize = 4;
 /// Error counters of a device (registers 0x0300 to 0x0313). They stop at 255, and begin at power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ErrorCounters {
-    /// Frames with a wrong check sum, at each port.
+    /// Invalid frames (wrong check sum), at each port.
     pub invalid_frames: [u8; PORTS],
-    /// Errors of the receiver, at each port.
+    /// Receive errors of the physical layer, at each port.
     pub receive_errors: [u8; PORTS],
-    /// Damaged frames that a device before counted already, at each port.
+    /// Forwarded errors: damaged frames that a device before has counted already, at each port.
     pub forwarded: [u8; PORTS],
-    /// Frames that the processing unit could not make sense of.
+    /// Errors of the EtherCAT processing unit.
     pub processing_unit: u8,
-    /// Errors of the interface to the application.
+    /// Errors of the process data interface (PDI) to the application.
     pub application: u8,
-    /// Times that the link went away, at each port.
+    /// Lost links, at each port.
     pub lost_links: [u8; PORTS],
 }
 
 impl ErrorCounters {
-    /// Of the registers from 0x0300 on.
+    /// Decodes the registers from 0x0300 on.
     pub(crate) fn of(registers: [u8; 20]) -> Self {
         let port = |first: usize, step: usize| std::array::from_fn(|k| registers[first + step * k]);
         Self {
@@ -52,15 +52,15 @@ pub struct LineDevice {
     pub identity: Option<[u32; 3]>,
     /// Register 0x0110: links, loops and communication of its ports.
     pub ports: u16,
-    /// Register 0x0130: state, and bit 4 where it has an error.
+    /// AL status, register 0x0130: state, and bit 4 for an error.
     pub state: u16,
-    /// Register 0x0134: why it has one.
+    /// AL status code, register 0x0134.
     pub code: u16,
-    /// Error counters before anything was done.
+    /// Error counters before the diagnosis changed anything.
     pub errors: ErrorCounters,
     /// Error counters at the end; none where they could not be read.
     pub errors_after: Option<ErrorCounters>,
-    /// State and reason at the end.
+    /// AL status and AL status code at the end; none where they could not be read.
     pub state_after: Option<[u16; 2]>,
 }
 
@@ -76,7 +76,7 @@ impl LineDevice {
 pub struct SyncManager {
     /// Number.
     pub number: u16,
-    /// Whether it feeds the watchdog (bit 6 of its control byte).
+    /// Whether it triggers the process-data watchdog (bit 6 of its control byte).
     pub feeds_watchdog: bool,
 }
 
@@ -87,7 +87,7 @@ pub struct SetUp {
     pub delay: u32,
     /// Process-data watchdog by registers 0x0400 and 0x0420 \[ns\]; 0 is switched off.
     pub watchdog: Option<u64>,
-    /// Watchdog of the application's interface by 0x0400 and 0x0410 \[ns\]; 0 is switched off.
+    /// PDI watchdog by registers 0x0400 and 0x0410 \[ns\]; 0 is switched off.
     pub application_watchdog: Option<u64>,
     /// Registers 0x0980 and 0x0981, once clocks are set up.
     pub activation: Option<[u8; 2]>,
@@ -97,9 +97,9 @@ pub struct SetUp {
     pub cycle: Option<u32>,
     /// Shortest cycle time, 0x1C32:05 \[ns\].
     pub shortest_cycle: Option<u32>,
-    /// Time that outputs have to be there before SYNC0, 0x1C32:06 \[ns\].
+    /// Calc and copy time, 0x1C32:06: time by which outputs have to arrive before SYNC0 \[ns\].
     pub calc_and_copy: Option<u32>,
-    /// Bytes of outputs and of inputs, as its sync managers are set.
+    /// Bytes of outputs and of inputs, by its sync managers.
     pub sizes: Option<[usize; 2]>,
     /// Sync managers of outputs, in SAFEOP.
     pub output_managers: Vec<SyncManager>,
@@ -107,7 +107,7 @@ pub struct SetUp {
     pub clock_difference: Option<i64>,
 }
 
-/// Shares of a distribution \[ns\].
+/// Percentiles of a distribution \[ns\].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Percentiles {
     /// Smallest.
@@ -129,7 +129,7 @@ impl Percentiles {
     }
 }
 
-/// What was seen of frames in SAFEOP.
+/// Statistics of the frames in SAFEOP.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Listening {
     /// Cycles.
@@ -138,9 +138,9 @@ pub struct Listening {
     pub exchanges: u64,
     /// Exchanges that did not come back in time.
     pub lost: u64,
-    /// Whether more were lost in a window than the table bears.
+    /// Whether more were lost in a window than the table allows.
     pub has_too_many_lost: bool,
-    /// Exchanges with another working counter than the table's, and the last such.
+    /// Exchanges with another working counter than the table's.
     pub low: u64,
     /// Working counter of the last of these.
     pub low_counter: u16,
@@ -148,9 +148,9 @@ pub struct Listening {
     pub working_counter: u16,
     /// Outputs that passed the reference clock after the SYNC0 that was to take them over.
     pub late_outputs: u64,
-    /// Whether more were late in a window than lost frames are borne.
+    /// Whether more were late in a window than the table allows lost frames.
     pub has_too_many_late: bool,
-    /// From the passing of outputs at the reference clock to their SYNC0.
+    /// Time by which outputs pass the reference clock before their SYNC0.
     pub margin: Percentiles,
     /// When the first exchange of a cycle passes the reference clock, after SYNC0.
     pub phase: Percentiles,
@@ -167,18 +167,18 @@ pub struct Listening {
 pub struct BusFacts {
     /// The devices, in their order.
     pub line: Vec<LineDevice>,
-    /// What they say of themselves, with a name; as far as it was read.
+    /// Data that they report, as far as it was read; named "a device" before that.
     pub devices: Vec<DeviceFacts>,
     /// How they are set up; empty where they are not those of the table.
     pub set_up: Vec<SetUp>,
     /// Why they did not go to PREOP.
     pub pre_op_refused: Option<String>,
-    /// What of the start-up failed: number of the device, what, and why.
+    /// Failures of the start-up: position of the device, failed part, cause.
     pub failed: Vec<(usize, String, String)>,
     /// Why clocks could not be set up.
     pub clocks_refused: Option<String>,
     /// Why the devices did not go to SAFEOP.
     pub safe_op_refused: Option<String>,
-    /// What was seen in SAFEOP.
+    /// Statistics of the frames in SAFEOP; none where it was not reached.
     pub listening: Option<Listening>,
 }

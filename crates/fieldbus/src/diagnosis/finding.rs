@@ -1,8 +1,8 @@
-//! Finding: one thing that is not as it should be, its cause, and what to do.
+//! Finding: a defect of the bus or a risk to it, and what to do.
 
 use std::fmt::{self, Display, Formatter};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The bus does not start, or must not be run like this.
@@ -21,8 +21,8 @@ impl Severity {
     }
 }
 
-/// What a finding is of, in the order in which one causes the next: a broken cable a missing device, a wrong object a
-/// refused state.
+/// Part of the bus that a finding concerns. Their order is that of causes: a broken cable causes a missing device, a
+/// wrong object causes a refused state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
     /// Cables, plugs, ports.
@@ -37,7 +37,7 @@ pub enum Stage {
     Drive,
     /// Process-data watchdog.
     Watchdog,
-    /// SYNC0, SYNC1, and what the device makes of them.
+    /// Distributed clock, SYNC0 and SYNC1, and the device's synchronisation objects.
     Synchronisation,
     /// State of a device, and its AL status code.
     State,
@@ -65,14 +65,14 @@ impl Stage {
     }
 }
 
-/// One thing that is not as it should be.
+/// A defect of the bus, or a risk to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
-    /// What it is of.
+    /// The part of the bus that it concerns.
     pub stage: Stage,
-    /// What is so.
+    /// What was found.
     pub cause: String,
     /// What to do.
     pub advice: String,

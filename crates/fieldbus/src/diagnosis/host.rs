@@ -1,7 +1,7 @@
 //! Facts of this computer: coalescing of its network card, and priority of the card's interrupt.
 //!
 //! Sources: `/sys/class/net`, `/proc/interrupts`, `/proc/PID/stat`, and `ethtool -c`, as the card's own coalescing is
-//! in no file. What cannot be read is told, and is no finding.
+//! in no file. What cannot be read is a remark, and is no finding.
 
 use crate::interface::described_by_system;
 use nix::net::if_::if_nametoindex;
@@ -25,11 +25,11 @@ pub struct InterruptThread {
 pub struct HostFacts {
     /// The network interface.
     pub interface: String,
-    /// Time that the card gathers received frames before it interrupts \[us\].
+    /// Receive coalescing of the card (rx-usecs): time from a frame to the interrupt \[us\].
     pub gathering_us: Option<u64>,
-    /// Whether the card adapts that time.
+    /// Whether the card adapts that time (adaptive-rx).
     pub is_adaptive: Option<bool>,
-    /// Time that the kernel waits for frames to merge \[ns\].
+    /// Time that the kernel waits for frames to merge (gro_flush_timeout) \[ns\].
     pub flush_after_ns: Option<u64>,
     /// Threads of its interrupts; none where the kernel handles them without threads.
     pub interrupts: Vec<InterruptThread>,
@@ -45,7 +45,7 @@ impl HostFacts {
             .ok()
             .and_then(|index| described_by_system(interface, index as usize));
         let Some(folder) = folder else {
-            let remark = "the system does not describe it (another network namespace?): coalescing and interrupt \
+            let remark = "/sys/class/net does not show it (another network namespace?): coalescing and interrupt \
                           priority were not read";
             facts.remarks.push(format!("{interface}: {remark}"));
             return facts;
@@ -65,7 +65,7 @@ impl HostFacts {
                 (facts.gathering_us, facts.is_adaptive) = coalescing(&said);
             }
             _ => facts.remarks.push(format!(
-                "coalescing of the network card was not read: look at it with ethtool -c {interface}"
+                "coalescing of the network card was not read: read it with ethtool -c {interface}"
             )),
         }
         let interrupts = fs::read_to_string("/proc/interrupts").unwrap_or_default();
@@ -78,7 +78,7 @@ impl HostFacts {
     }
 }
 
-/// Time that received frames are gathered \[us\], and whether it is adapted, of what `ethtool -c` says.
+/// Receive coalescing time \[us\], and whether it is adaptive, from the output of `ethtool -c`.
 fn coalescing(said: &str) -> (Option<u64>, Option<bool>) {
     let after = |key: &str| {
         said.lines().find_map(|line| line.trim().strip_prefix(key)?.split_whitespace().next())
@@ -112,7 +112,7 @@ fn names_in(folder: &Path) -> Vec<String> {
     entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()
 }
 
-/// The kernel's threads of interrupts with some numbers.
+/// The kernel's threads of the interrupts with these numbers.
 fn threads(numbers: &[String]) -> Vec<InterruptThread> {
     let of = |pid: String| {
         let read = |file: &str| fs::read_to_string(Path::new("/proc").join(&pid).join(file)).ok();

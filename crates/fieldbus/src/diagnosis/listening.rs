@@ -11,10 +11,10 @@ use crate::time::now;
 use crate::wire::Wire;
 use ethercrab::subdevice_group::SafeOp;
 
-/// Cycles that are looked at.
+/// Number of cycles that are measured.
 const CYCLES: u64 = 500;
 
-/// Times of one exchange.
+/// Times and working counter of one exchange.
 struct Exchanged {
     /// When it was sent \[ns\].
     sent: u64,
@@ -22,7 +22,7 @@ struct Exchanged {
     answer: Option<(u64, u16)>,
 }
 
-/// Exchanges frames as a run does; what was seen. None where there is no memory for it.
+/// Exchanges frames as a run does; returns their statistics, none where memory is short.
 pub(crate) fn listen<L: Link>(
     wire: &mut Wire<L>,
     group: &Devices<SafeOp>,

@@ -32,14 +32,13 @@ use ethercrab::{MainDeviceConfig, RetryBehaviour};
 use hydroboom_realtime::real_time_thread::prepare;
 use std::thread;
 
-/// Times that a frame is sent again where it did not come back: losses are what is looked for, and must not end the
-/// search.
+/// Retries of a lost frame: the diagnosis measures losses, and must not end at the first one.
 const RETRIES: usize = 5;
 
-/// What was found, and what it was found from.
+/// Findings, and the facts that they follow from.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
-    /// What is not as it should be, the most probable first cause first; none on a right bus.
+    /// Findings, the most probable root cause first; empty where nothing is wrong.
     pub findings: Vec<Finding>,
     /// Facts of the bus.
     pub bus: BusFacts,
@@ -51,7 +50,7 @@ pub struct Diagnosis {
 ///
 /// # Errors
 ///
-/// A sentence where there is no main device to read with.
+/// A sentence where ethercrab's main device could not be created.
 pub fn diagnose<L: Link>(table: &Table, link: L, host: HostFacts) -> Result<Diagnosis, String> {
     let config = MainDeviceConfig {
         retry_behaviour: RetryBehaviour::Count(RETRIES),
@@ -68,7 +67,7 @@ pub fn diagnose<L: Link>(table: &Table, link: L, host: HostFacts) -> Result<Diag
     Ok(Diagnosis { findings: findings(table, &bus, &host), bus, host })
 }
 
-/// The same in a thread on a core with the priority of the bus task, so that its times are those of a run.
+/// [`diagnose`] in a thread on a core with the priority of the bus task, so that its times are those of a run.
 ///
 /// # Errors
 ///

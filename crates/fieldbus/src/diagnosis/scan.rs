@@ -7,18 +7,18 @@ use crate::wire::Wire;
 use ethercrab::error::Error;
 use ethercrab::{Command, EtherCrabWireRead, EtherCrabWireSized, RegisterAddress};
 
-/// Most devices that are looked at.
+/// Largest number of devices that are scanned.
 const MOST: u16 = 64;
 /// Registers of the error counters.
 const ERROR_COUNTERS: u16 = 0x0300;
-/// Registers of the EEPROM: whose it is, command with address, data.
+/// Registers of the EEPROM interface: owner, command with address, data.
 const EEPROM_OWNER: u16 = 0x0500;
 const EEPROM_CONTROL: u16 = 0x0502;
 const EEPROM_DATA: u16 = 0x0508;
-/// Owner: the main device, by force; then as usual.
+/// Owner: access is first taken from the application, then given to the main device.
 const TAKEN: u8 = 2;
 const MAIN_DEVICE: u8 = 0;
-/// Command to read, and the bit while the EEPROM is at work.
+/// Read command, and the busy bit.
 const READ: u16 = 0x0100;
 const IS_BUSY: u16 = 0x8000;
 /// Time that a word of the EEPROM takes at most \[ns\].
@@ -26,7 +26,7 @@ const UNTIL_WORD: u64 = 20_000_000;
 /// Words of vendor, product and revision in the EEPROM (ETG.1000.6).
 const IDENTITY: [u16; 3] = [8, 10, 12];
 
-/// The devices in their order; the first that is not there ends the line.
+/// The devices by position; the first position without an answer ends the line.
 pub(crate) fn line<L: Link>(wire: &mut Wire<L>) -> Vec<LineDevice> {
     let mut line = Vec::new();
     for position in 0..MOST {
@@ -42,12 +42,12 @@ pub(crate) fn again<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
     for (position, device) in (0..).zip(line) {
         let after = registers(wire, position).ok();
         device.errors_after = after.map(|after| after.errors);
-        // the first reading of the state stands where one was taken while it was refused
+        // a state that was read right after a refusal is kept
         device.state_after = device.state_after.or(after.map(|after| [after.state, after.code]));
     }
 }
 
-/// State and reason of each device now.
+/// Reads AL status and AL status code of each device.
 pub(crate) fn states<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
     for (position, device) in (0..).zip(line) {
         let state = read(wire, position, RegisterAddress::AlStatus.into());

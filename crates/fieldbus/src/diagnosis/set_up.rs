@@ -1,4 +1,4 @@
-//! Set-up of the devices as a run does it, up to SAFEOP, and what they show then.
+//! Set-up of the devices as in a run, up to SAFEOP, and the registers and objects that are read there.
 
 use super::facts::{BusFacts, SetUp, SyncManager};
 use super::listening::listen;
@@ -16,26 +16,27 @@ use ethercrab::{EtherCrabWireReadSized, RegisterAddress, SubDevice, SubDeviceRef
 use hydroboom_realtime::failure::{guarded, hand_panics_on};
 use std::ops::Deref;
 
-/// Unit of the watchdogs' divider \[ns\], and what it is less than they count by.
+/// Unit of the watchdog divider (0x0400) \[ns\], and the offset that is added to its value.
 const DIVIDER_UNIT: u64 = 40;
 const DIVIDER_OFFSET: u64 = 2;
-/// Registers of the unit that controls SYNC: 0x0980 and 0x0981.
+/// Registers of the SYNC unit: control (0x0980) and activation (0x0981).
 const SYNC_UNIT: u16 = 0x0980;
-/// Difference from the reference clock; its bit 31 is the sign.
+/// System time difference from the reference clock; its bit 31 is the sign.
 const CLOCK_DIFFERENCE: u16 = 0x092c;
 const IS_BEHIND: u32 = 0x8000_0000;
 /// Registers of sync managers, their number and size \[byte\].
 const SYNC_MANAGERS: u16 = 0x0800;
 const MOST_MANAGERS: u16 = 8;
 const MANAGER_SIZE: u16 = 8;
-/// Bits of a sync manager's control byte: buffered and written by the main device; and that it feeds the watchdog.
+/// Control byte of a sync manager: mask of mode and direction; buffered and written by the main device; watchdog
+/// trigger.
 const MODE_AND_DIRECTION: u8 = 0x0f;
 const OUTPUTS: u8 = 0x04;
 const FEEDS_WATCHDOG: u8 = 0x40;
 
-/// Brings the devices as far as they go, and fills in what they show.
+/// Brings the devices to SAFEOP, or as far as they go, and fills in the facts.
 pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusFacts) {
-    // until more is known of them
+    // until their EEPROM is read
     let unnamed = |identity: Option<[u32; 3]>| DeviceFacts {
         name: "a device".into(),
         identity: identity.unwrap_or_default(),
@@ -47,7 +48,7 @@ pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusF
     }
     let main = wire.main;
     hand_panics_on();
-    // ethercrab panics on ports that no line or tree has
+    // ethercrab panics where the ports fit no topology that it knows
     let started = guarded(|| wire.run(main.init_single_group(now)));
     let group: Devices<PreOp, NoDc> = match started {
         Ok(Ok(group)) => group,
@@ -59,7 +60,7 @@ pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusF
             *facts = identity(&device);
         }
     }
-    // what another device than the table's would be written is not known
+    // nothing is written to a device that is not the table's
     if group.len() != table.devices.len() || !identities_fit(table, &bus.devices) {
         return;
     }
@@ -84,7 +85,7 @@ fn refuse<L: Link>(wire: &mut Wire<L>, bus: &mut BusFacts, why: String) {
     scan::states(wire, &mut bus.line);
 }
 
-/// Clocks, SAFEOP, and what is seen there.
+/// Sets up the clocks, brings the devices to SAFEOP, and exchanges frames there.
 fn into_safe_op<L: Link>(
     wire: &mut Wire<L>,
     group: Devices<PreOp, NoDc>,
@@ -102,7 +103,7 @@ fn into_safe_op<L: Link>(
     for (position, shown) in bus.set_up.iter_mut().enumerate() {
         let Ok(device) = group.subdevice(main, position) else { continue };
         shown.activation = wire.run(device.register_read(SYNC_UNIT)).ok();
-        // a guard lives in one statement only: another one that is taken while it is held would wait for ever
+        // the guard has to end with its statement: taking another one while it is held is a deadlock
         let outputs = device.outputs_raw().len();
         let inputs = device.inputs_raw().len();
         shown.sizes = Some([outputs, inputs]);
@@ -155,7 +156,7 @@ fn in_pre_op<L: Link, S: Deref<Target = SubDevice>>(
     }
 }
 
-/// An object that a device need not have, nor a mailbox.
+/// Reads an optional object; none where the device does not have it, or no mailbox.
 fn object<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
@@ -165,7 +166,7 @@ fn object<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
     optional(wire, device, index, sub).ok().flatten()
 }
 
-/// Sync managers that are on and that the main device writes process data by.
+/// Sync managers of outputs that are activated.
 fn output_managers<L: Link>(wire: &mut Wire<L>, position: u16) -> Vec<SyncManager> {
     let mut found = Vec::new();
     for number in 0..MOST_MANAGERS {

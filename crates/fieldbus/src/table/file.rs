@@ -1,4 +1,4 @@
-//! From a file to a checked table.
+//! Reads a table from the text of a file, and checks it.
 
 use super::problem::{Part, Problems};
 use super::{
@@ -19,7 +19,7 @@ struct File {
     commanded: Vec<Commanded>,
 }
 
-/// What of a crane file is read here.
+/// The part of a crane file that is read here.
 #[derive(Deserialize)]
 struct CraneFile {
     machine: Option<Machine>,
@@ -169,7 +169,7 @@ fn plus() -> i8 {
     1
 }
 
-/// What rows of measured and commanded signals share.
+/// Common keys of measured and commanded signals.
 struct Signal<'a> {
     list: &'static str,
     row: usize,
@@ -200,7 +200,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// The same.
+    /// As of [`parse`](Self::parse).
     pub fn parse_in_crane_file(file: &str, text: &str) -> Result<Option<Self>, TableError> {
         let problems = Problems::new(file, text, &["machine", "ethercat"]);
         let read: CraneFile = toml::from_str(text).map_err(|error| problems.syntax(&error))?;
@@ -208,7 +208,7 @@ impl Table {
         table.map(|read| Self::checked(&read, problems)).transpose()
     }
 
-    /// The table that was read, where nothing is wrong with it.
+    /// The table that was read, if it has no problem.
     fn checked(read: &File, problems: Problems<'_>) -> Result<Self, TableError> {
         let mut problems = problems;
         let bus = bus(&read.bus, &mut problems);
@@ -384,7 +384,7 @@ fn resolve(
             "the lowest and the highest value",
         );
     }
-    // the safe command is held within it, too
+    // the safe command is limited to it, too
     if signal.list == "commanded" && !(low..=high).contains(&0.0) {
         problems.refuse(
             &key("range"),
@@ -406,11 +406,7 @@ fn resolve(
     let Some((bit, bits)) = find(side(&devices[device]), signal.entry) else {
         let (index, sub) = signal.entry;
         let read = format!("0x{index:04X}:{sub:02X}");
-        problems.refuse(
-            &key("entry"),
-            read,
-            &format!("an entry of the lists of {}", signal.device),
-        );
+        problems.refuse(&key("entry"), read, &format!("an entry of the PDOs of {}", signal.device));
         return None;
     };
     if bits != signal.kind.bits() {
@@ -435,7 +431,7 @@ fn measured(read: &File, devices: &[DeviceRow], problems: &mut Problems<'_>) -> 
             continue;
         };
         if rows.iter().any(|other| (other.axis, other.signal) == (row.axis, number)) {
-            problems.add(&key("signal"), "it stands in the table already");
+            problems.add(&key("signal"), "the table has this signal already");
         }
         let signal = Signal {
             list: "measured",
@@ -495,7 +491,7 @@ fn commanded(read: &File, devices: &[DeviceRow], problems: &mut Problems<'_>) ->
             continue;
         };
         if rows.iter().any(|other| (other.axis, other.signal) == (row.axis, number)) {
-            problems.add(&key("signal"), "it stands in the table already");
+            problems.add(&key("signal"), "the table has this signal already");
         }
         let signal = Signal {
             list: "commanded",
@@ -524,7 +520,7 @@ fn commanded(read: &File, devices: &[DeviceRow], problems: &mut Problems<'_>) ->
     rows
 }
 
-/// Refuses a value that bits under a mask never have, or always.
+/// Refuses a condition that never or always holds: a value with bits outside the mask, or an empty mask.
 fn check_bits<const N: usize>(key: &[Part; N], mask: u64, value: u64, problems: &mut Problems<'_>) {
     if mask == 0 || value & !mask != 0 {
         let read = format!("value 0x{value:X} under mask 0x{mask:X}");
@@ -560,13 +556,15 @@ fn drives(
         let mode = output(0x6060);
         let sets_mode = |sdo: &Sdo| sdo.index == 0x6060 && sdo.value == i64::from(CYCLIC_VELOCITY);
         if mode.is_none() && !row.sdo.iter().any(sets_mode) {
-            let message =
-                "the mode 9 has to come by 0x6060, among the outputs or as a start-up SDO";
+            let message = "mode 9 has to be set by 0x6060, among the outputs or as a start-up SDO";
             problems.add(&key("profile"), message);
         }
         let is_its = |row: &&CommandedRow| row.signal == 0 && row.place == target;
         let Some(axis) = commanded.iter().find(is_its).map(|row| row.axis) else {
-            problems.add(&key("profile"), "no axis commands its motor speed by 0x60FF");
+            problems.add(
+                &key("profile"),
+                "no row of [[commanded]] has motor_speed_rev_per_s at its 0x60FF",
+            );
             continue;
         };
         let stop_circuit = row.stop_circuit.as_ref().and_then(|bits| {
@@ -590,11 +588,12 @@ fn drives(
             stop_circuit,
         });
     }
-    // a motor speed without a drive's states would be written whether it may turn or not
+    // outside a CiA 402 drive a motor speed would be written whatever the state of the drive
     for (row, commanded) in commanded.iter().enumerate().filter(|(_, row)| row.signal == 0) {
         if !rows.iter().any(|drive| drive.target == commanded.place) {
             let key = [Part::from("commanded"), row.into(), "entry".into()];
-            problems.add(&key, "a motor speed is the 0x60FF of a device with profile = \"cia402\"");
+            problems
+                .add(&key, "a motor speed has to be 0x60FF of a device with profile = \"cia402\"");
         }
     }
     rows

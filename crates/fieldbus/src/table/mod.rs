@@ -1,7 +1,7 @@
-//! Table: which devices are on the bus, how they are set up, and which process data are which signals of the machine.
+//! Table of the bus: its devices, their set-up, and the mapping of their process data to the machine's signals.
 //!
-//! It is read from a file of its own ([`Table::parse`]) and checked there; what the devices say of themselves is
-//! compared with it at start-up ([`check`](crate::check)).
+//! It is read from a file of its own ([`Table::parse`]) and checked there; the data that the devices report
+//! are compared with it at start-up ([`check`](crate::check)).
 
 mod file;
 mod problem;
@@ -17,15 +17,15 @@ pub struct Table {
     pub bus: BusSettings,
     /// Devices in the order of the line.
     pub devices: Vec<DeviceRow>,
-    /// What is measured.
+    /// Measured signals.
     pub measured: Vec<MeasuredRow>,
-    /// What is commanded.
+    /// Commanded signals.
     pub commanded: Vec<CommandedRow>,
     /// Drives.
     pub drives: Vec<DriveRow>,
 }
 
-/// Cycle of the bus, and how many losses it bears.
+/// Cycle of the bus, and the number of losses that it tolerates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusSettings {
     /// Period, which is that of control and of SYNC0 \[ns\].
@@ -63,8 +63,8 @@ impl BusSettings {
         3 - self.exchanges
     }
 
-    /// Time from SYNC0 to the begin of a control period \[ns\]: a third of the time from the first exchange to what
-    /// the command has to be there for, so that the answer has come, and most of the time is left to compute.
+    /// Time from SYNC0 to the begin of a control period \[ns\]: a third of the time from the first exchange to the one
+    /// that sends the command. The answer has arrived by then, and most of the time is left to compute.
     pub fn control(&self) -> u64 {
         let end = if self.exchanges == 2 { self.send } else { self.period + self.exchange };
         self.exchange + (end - self.exchange) / 3
@@ -74,7 +74,7 @@ impl BusSettings {
 /// Synchronisation of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sync {
-    /// By the frame, or not at all.
+    /// Without SYNC signals: by the sync manager event, or free run.
     None,
     /// By SYNC0 (activation 0x0300).
     Sync0,
@@ -83,7 +83,7 @@ pub enum Sync {
 }
 
 impl Sync {
-    /// What register 0x0980 is to hold, as the device's SII states it.
+    /// AssignActivate word for registers 0x0980 and 0x0981, as the device's SII states it.
     pub fn activation(self) -> u16 {
         match self {
             Self::None => 0,
@@ -148,13 +148,13 @@ pub struct DeviceRow {
     pub product: u32,
     /// Lowest and highest revision.
     pub revision: [u32; 2],
-    /// Process-data watchdog \[ns\]; none: as it is.
+    /// Process-data watchdog \[ns\]; none: the device's own setting is kept.
     pub watchdog: Option<u64>,
     /// Synchronisation.
     pub sync: Sync,
-    /// Whether lists that differ are written, or are a mismatch.
+    /// Whether PDOs that differ are written; if not, they are a mismatch.
     pub is_mapping_written: bool,
-    /// Values that are written first.
+    /// Values that are written by SDO at start-up.
     pub start_up: Vec<StartUp>,
     /// Outputs (RxPDO).
     pub outputs: Vec<Pdo>,
@@ -173,7 +173,7 @@ impl DeviceRow {
         bytes(&self.inputs)
     }
 
-    /// What the device adds to the working counter of an exchange: two for outputs, one for inputs.
+    /// Contribution to the working counter of an exchange: two for outputs, one for inputs.
     pub fn working_counter(&self) -> u16 {
         2 * u16::from(self.output_bytes() > 0) + u16::from(self.input_bytes() > 0)
     }
@@ -203,7 +203,7 @@ impl Place {
         (0..usize::from(self.bits.min(64))).fold(0, |sum, k| sum | u64::from(bit(k)) << k)
     }
 
-    /// Puts a value there; higher bits than there are are cut off.
+    /// Writes a value there; bits beyond the length are cut off.
     pub fn write(&self, bytes: &mut [u8], value: u64) {
         for k in 0..usize::from(self.bits.min(64)) {
             let at = self.bit + k;
@@ -214,7 +214,7 @@ impl Place {
     }
 }
 
-/// Bits of an input that mean something while they have a value.
+/// Status bits of an input: a condition that holds while the masked bits equal a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bits {
     /// The input.
@@ -226,13 +226,13 @@ pub struct Bits {
 }
 
 impl Bits {
-    /// Whether they have it.
+    /// Whether the condition holds.
     pub fn is_set(&self, bytes: &[u8]) -> bool {
         self.place.read(bytes) & self.mask == self.value
     }
 }
 
-/// What bits say of a signal.
+/// Why a signal is invalid, by its status bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Invalid {
     /// It is not measured: wire break, sensor or converter failed.
@@ -289,7 +289,7 @@ pub const MEASURED: [&str; 8] = [
 /// Names of commanded signals, each with its unit.
 pub const COMMANDED: [&str; 2] = ["motor_speed_rev_per_s", "holding_valve"];
 
-/// A drive by CiA 402, and where its words lie.
+/// A drive by CiA 402, and the places of its objects in the process data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveRow {
     /// Number of the device.
@@ -308,6 +308,6 @@ pub struct DriveRow {
     pub mode_display: Place,
     /// Error code, 0x603F.
     pub error: Option<Place>,
-    /// Bits that tell an open stop circuit (safe torque off).
+    /// Bits that report an open stop circuit (safe torque off).
     pub stop_circuit: Option<Bits>,
 }

@@ -1,9 +1,9 @@
-//! What is wrong with a table: file, line, key, what was read, what is allowed.
+//! Problems of a table: file, line, key, value that was read, allowed values.
 
 use std::fmt::{self, Display, Formatter};
 use toml::de::{DeTable, DeValue};
 
-/// All that is wrong with a table.
+/// All problems of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TableError {
     /// One sentence each, with its place.
@@ -51,7 +51,7 @@ impl<'a> Problems<'a> {
         Self { file, text, around, found: Vec::new() }
     }
 
-    /// What the reader of TOML found; it shows the line itself.
+    /// A syntax error of TOML, whose message contains the line.
     pub(super) fn syntax(&self, error: &toml::de::Error) -> TableError {
         TableError { problems: vec![format!("{}: {error}", self.file)] }
     }

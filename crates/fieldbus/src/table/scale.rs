@@ -44,7 +44,7 @@ impl NumberType {
         if self.is_signed() { [-values / 2, values / 2 - 1] } else { [0, values - 1] }
     }
 
-    /// The number that bits stand for.
+    /// Decodes raw bits as a number of this type.
     pub fn number(self, bits: u64) -> i64 {
         let unused = 64 - u32::from(self.bits());
         if self.is_signed() {
@@ -60,9 +60,9 @@ impl NumberType {
 pub struct Scale {
     /// Type of the counts.
     pub kind: NumberType,
-    /// Units of a count, with the sign: positive where value and counts grow together.
+    /// SI units per count, with the sign: positive where value and counts grow together.
     pub factor: f64,
-    /// Value of no counts.
+    /// Value at zero counts.
     pub offset: f64,
     /// Lowest and highest value.
     pub range: [f64; 2],

@@ -48,7 +48,7 @@ fn each_mismatch_is_one_sentence_with_what_to_do() {
     });
     one_sentence_with(&eeprom, &["outputs (position 3)", "correct the table"]);
     let unit = refusal(|t| t.measured[0].scale.factor *= 60.0);
-    one_sentence_with(&unit, &["0x606C", "0x60A9", "drive", "write the device's"]);
+    one_sentence_with(&unit, &["0x606C", "0x60A9", "drive", "drive's unit"]);
     let mode = refusal_of(
         |_| {},
         |link| link.segment.devices_mut()[1].dictionary.set_number((0x6502, 0), 0x01),
@@ -103,7 +103,7 @@ fn a_refused_sdo_a_stuck_mailbox_and_an_emergency_are_told_with_the_sdo_and_its_
     // ethercrab 0.7.1 panics on these
     for code in [0x3220, 0x7320, 0x5441] {
         let told = refusal_of(|_| {}, |link| link.emergency = Some(code));
-        one_sentence_with(&told, &["0x1C32:01", "drive (position 1)", "emergency", "mend"]);
+        one_sentence_with(&told, &["0x1C32:01", "drive (position 1)", "emergency", "remove"]);
     }
 }
 

@@ -145,7 +145,7 @@ const FAULTS: [(&str, Injection, Fault); 8] = [
         Fault::SafeTorqueOff { device: 1 },
     ),
     (
-        "bus task held up for 30 ms",
+        "bus task delayed for 30 ms",
         |m| {
             for _ in 0..30 {
                 m.bus.link_mut().wait(now() + 1_000_000);

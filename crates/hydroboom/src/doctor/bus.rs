@@ -40,7 +40,7 @@ pub fn examine(
     }
 }
 
-/// For people: findings, devices, times, remarks.
+/// Text output: findings, devices, times, remarks.
 fn as_text(diagnosis: &Diagnosis) -> String {
     let Diagnosis { findings, bus, host } = diagnosis;
     let mut said = String::new();
@@ -76,7 +76,7 @@ fn as_text(diagnosis: &Diagnosis) -> String {
     said.trim_end().to_string()
 }
 
-/// One device in the table for people.
+/// Row of a device in the text output.
 fn row(diagnosis: &Diagnosis, position: usize) -> Vec<String> {
     let bus = &diagnosis.bus;
     let Some(device) = bus.line.get(position) else { return Vec::new() };
@@ -97,16 +97,16 @@ fn row(diagnosis: &Diagnosis, position: usize) -> Vec<String> {
     ]
 }
 
-/// What was seen of frames, in words.
+/// Statistics of the frames, as text.
 fn times(seen: &Listening) -> String {
     let us = |times: &Percentiles| {
         let shares = [times.min, times.p1, times.p50, times.p99, times.max];
         shares.map(|ns| format!("{:.0}", 1e-3 * ns as f64)).join(" / ")
     };
     format!(
-        "{} cycles in SAFEOP, {} frames, {} lost, {} with another working counter than {}, {} outputs late\n\
-         us, smallest / 1 / 50 / 99 % / largest: outputs before their SYNC0 {}; first exchange after SYNC0 {}; frames \
-         take {}; this computer sends late by {}, with periods of {}",
+        "{} cycles in SAFEOP, {} frames, {} lost, {} with a working counter other than {}, {} outputs late\n\
+         us, smallest / 1 / 50 / 99 % / largest: outputs before their SYNC0 {}; first exchange after SYNC0 {}; round \
+         trip {}; this computer sends late by {}, with periods of {}",
         seen.cycles,
         seen.exchanges,
         seen.lost,
@@ -121,7 +121,7 @@ fn times(seen: &Listening) -> String {
     )
 }
 
-/// For machines.
+/// JSON output.
 fn as_json(diagnosis: &Diagnosis) -> Value {
     let Diagnosis { findings, bus, host } = diagnosis;
     let findings: Vec<Value> = findings

@@ -23,7 +23,7 @@ pub fn examine(is_json: bool) -> Result<()> {
     let rows: Vec<Vec<String>> = findings
         .iter()
         .map(|f| {
-            let verdict = if f.is_well { "well" } else { "not well" };
+            let verdict = if f.is_well { "ok" } else { "not ok" };
             vec![f.what.into(), f.found.clone(), verdict.into()]
         })
         .collect();

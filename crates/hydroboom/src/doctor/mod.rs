@@ -10,10 +10,10 @@ use miette::Result;
 
 /// Check whether this computer is suited for real time; or, with --bus, why an EtherCAT bus does not run.
 ///
-/// With --bus the devices at a network interface are compared with their table, brought to SAFEOP and listened to for
-/// half a second. Outputs stay safe and drives without power; the devices are in INIT afterwards. The table's start-up
-/// SDOs, lists and watchdogs are written, as `run` writes them. Each finding is one sentence with what to do, the most
-/// probable first cause first (docs/how-to/diagnose-a-bus.md).
+/// With --bus the devices at a network interface are compared with their table and brought to SAFEOP, where 500 cycles
+/// of frames are exchanged. Outputs stay safe and drives without power; the devices are in INIT afterwards. The
+/// table's start-up SDOs, PDOs and watchdogs are written, as `run` writes them. Each finding is one sentence with what
+/// to do, the most probable first cause first (docs/how-to/diagnose-a-bus.md).
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom doctor\n  hydroboom doctor --bus eth1 --table bus.toml\n  \
@@ -21,7 +21,7 @@ use miette::Result;
     With --bus the exit status is 1 where something prevents operation."
 )]
 pub struct Doctor {
-    /// Look at the EtherCAT devices at this network interface.
+    /// Diagnose the EtherCAT devices at this network interface.
     #[arg(long, value_name = "INTERFACE")]
     bus: Option<String>,
     /// Table of the devices, the file that `run` has as --bus FILE (docs/reference/ethercat-table.md). Default: the

@@ -43,7 +43,7 @@ impl Outcome {
 /// Why a step was skipped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reason {
-    /// The machine reports no state, so that an open stop circuit cannot be seen.
+    /// The machine reports no state, so that an open stop circuit cannot be detected.
     NoState,
     /// The load's pressure leaves no room below it \[Pa\]: measured, and what is needed.
     NoRoom([f64; 2]),
@@ -53,8 +53,8 @@ impl Display for Reason {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoState => f.write_str(
-                "the machine reports no state, so that its stop circuit is not seen: try it by hand before the load \
-                 is released",
+                "the machine reports no state, so that an open stop circuit is not detected: test it by hand before \
+                 the load is released",
             ),
             Self::NoRoom([pump, needed]) => write!(
                 f,
@@ -72,13 +72,13 @@ impl Display for Reason {
 pub enum Finding {
     /// A person ended it.
     Ended,
-    /// No measurement for so long \[s\].
+    /// No measurement for this time \[s\].
     Silent(f64),
     /// A signal is not a number, or is marked as absent.
     NotANumber(usize),
     /// A signal \[its unit\] is out of its range.
     OutOfRange(usize, [f64; 3]),
-    /// A signal repeats itself to the last bit.
+    /// A signal is constant to the last bit.
     Stuck(usize),
     /// A signal scatters \[its unit\]: measured, allowed.
     Noisy(usize, [f64; 2]),
@@ -86,7 +86,7 @@ pub enum Finding {
     Drifts([f64; 2]),
     /// The motor turns at rest \[rev/s\].
     Turns(f64),
-    /// The load's pressure cannot be \[Pa\]: measured, lowest, highest.
+    /// The load's pressure is implausible \[Pa\]: measured, lowest, highest.
     LoadPressure([f64; 3]),
     /// The pump side is above the load's pressure at rest \[Pa\]: both.
     PumpAboveLoad([f64; 2]),
@@ -102,9 +102,9 @@ pub enum Finding {
     EnabledByItself,
     /// The machine has a fault of this code.
     MachineFault(u16),
-    /// The stop circuit was not seen to open within so long \[s\].
+    /// No open stop circuit was reported within this time \[s\].
     StopCircuitNotSeen(f64),
-    /// The machine was not reset within so long \[s\].
+    /// The machine was not reset within this time \[s\].
     NotReset(f64),
     /// A held load moved \[m\]: measured, allowed.
     Moved([f64; 2]),
@@ -112,7 +112,7 @@ pub enum Finding {
     MotorReversed([f64; 2]),
     /// The motor does not follow its command \[rev/s\]: measured, commanded.
     MotorDoesNotFollow([f64; 2]),
-    /// The motor turned on without commands \[rev/s\], after so long \[s\].
+    /// The motor still turned without commands: speed \[rev/s\], time since the last command \[s\].
     NoWatchdog([f64; 2]),
     /// The pump's other side rose \[Pa\] in place of the one that carries the load: that, the other.
     OtherSideRose([f64; 2]),
@@ -132,13 +132,13 @@ pub enum Finding {
     Scale([f64; 2]),
     /// The delay \[cycles\]: measured, largest.
     Delay([f64; 2]),
-    /// The way of the stop \[m\]: measured, largest.
+    /// The stopping distance \[m\]: measured, largest.
     StopDistance([f64; 2]),
-    /// The machine is not what is expected, or does not say what it is.
+    /// The machine does not report its identity.
     Identity,
 }
 
-/// A value of a signal, in the units of people.
+/// A value of a signal, in the units of messages.
 fn of_signal(signal: usize, value: f64) -> String {
     match signal {
         0 => format!("{:.2} mm", value / MM),
@@ -157,16 +157,16 @@ impl Display for Finding {
             Self::Ended => f.write_str("ended by a person"),
             Self::Silent(time) => write!(
                 f,
-                "no measurement for {time:.3} s: look at the machine's program, its cable and its supply"
+                "no measurement for {time:.3} s: check the machine's program, its cable and its supply"
             ),
             Self::NotANumber(signal) => write!(
                 f,
-                "{} is not a number or absent: look at its sensor, its cable and its line of the table",
+                "{} is not a number or absent: check its sensor, its cable and its row of the table",
                 name(signal)
             ),
             Self::OutOfRange(signal, [value, low, high]) => write!(
                 f,
-                "{} is {}, expected from {} to {}: look at sign, factor and offset of the signal, and at its sensor",
+                "{} is {}, expected from {} to {}: check sign, factor and offset of the signal, and its sensor",
                 name(signal),
                 of_signal(signal, value),
                 of_signal(signal, low),
@@ -174,13 +174,13 @@ impl Display for Finding {
             ),
             Self::Stuck(signal) => write!(
                 f,
-                "{} repeats itself to the last bit: look at its sensor and its line of the table; sensors without \
+                "{} is constant to the last bit: check its sensor and its row of the table; sensors without \
                  noise need supervision.stuck_ms = 0",
                 name(signal)
             ),
             Self::Noisy(signal, [measured, allowed]) => write!(
                 f,
-                "{} scatters by {} at rest, allowed {}: look at shield and supply of its sensor, or correct \
+                "{} scatters by {} at rest, allowed {}: check shield and supply of its sensor, or correct \
                  supervision.position_scatter_mm or pressure_scatter_bar",
                 name(signal),
                 of_signal(signal, measured),
@@ -188,14 +188,14 @@ impl Display for Finding {
             ),
             Self::Drifts([measured, allowed]) => write!(
                 f,
-                "the position drifts by {:.3} mm at rest, allowed {:.3} mm: wait until the load rests, look at the \
-                 load-holding valve for leakage and at the sensor",
+                "the position drifts by {:.3} mm at rest, allowed {:.3} mm: wait until the load rests, check the \
+                 load-holding valve for leakage, and the sensor",
                 measured / MM,
                 allowed / MM
             ),
             Self::Turns(speed) => write!(
                 f,
-                "the motor is read to turn at {:.1} rpm, expected rest: look at the drive and at its speed signal",
+                "the motor turns at {:.1} rpm by its speed signal, expected rest: check the drive and this signal",
                 speed / RPM
             ),
             Self::LoadPressure([measured, low, high]) => write!(
@@ -222,25 +222,25 @@ impl Display for Finding {
                 high / MM
             ),
             Self::ValveOpen => f.write_str(
-                "the load-holding valve is read as open, commanded shut: look at the valve and its position switch",
+                "the load-holding valve is reported open, commanded shut: check the valve and its position switch",
             ),
             Self::NotReady => f.write_str(
-                "the machine did not report that it is ready: look at its own display, and reset its fault there",
+                "the machine did not report that it is ready: read its own display, and reset its fault there",
             ),
             Self::NotEnabled => f.write_str(
-                "the machine did not enable its drives, or disabled them: look at its stop circuit, main contactor \
+                "the machine did not enable its drives, or disabled them: check its stop circuit, main contactor \
                  and the drive's display",
             ),
             Self::EnabledByItself => f.write_str(
-                "the drives are enabled, and nobody asked for that: look at what enables them besides this program",
+                "the drives are enabled without a request of this program: check what else enables them",
             ),
             Self::MachineFault(code) => write!(
                 f,
-                "the machine reports a fault of code {code:#06x}: its manual says what it is; reset it there"
+                "the machine reports a fault of code {code:#06x}: see its manual, and reset it at the machine"
             ),
             Self::StopCircuitNotSeen(time) => write!(
                 f,
-                "in {time:.0} s the stop circuit was not seen to open: does it cut the drive's torque (safe torque \
+                "no open stop circuit was reported within {time:.0} s: does it cut the drive's torque (safe torque \
                  off), and is it reported (stop_circuit of the table, state 4 of the interface)?"
             ),
             Self::NotReset(time) => {
@@ -255,15 +255,15 @@ impl Display for Finding {
             ),
             Self::MotorReversed([measured, commanded]) => write!(
                 f,
-                "the motor is read at {:.1} rpm, commanded {:.1} rpm: correct the sign of the command or of the speed \
-                 signal",
+                "the measured motor speed is {:.1} rpm, commanded {:.1} rpm: correct the sign of the command or of \
+                 the speed signal",
                 measured / RPM,
                 commanded / RPM
             ),
             Self::MotorDoesNotFollow([measured, commanded]) => write!(
                 f,
-                "the motor is read at {:.1} rpm, commanded {:.1} rpm: look at the drive, its factor, and its torque \
-                 limit",
+                "the measured motor speed is {:.1} rpm, commanded {:.1} rpm: check the drive, its factor, and its \
+                 torque limit",
                 measured / RPM,
                 commanded / RPM
             ),
@@ -291,21 +291,21 @@ impl Display for Finding {
             Self::NoRise([measured, expected]) => write!(
                 f,
                 "the pump side changed by {:+.1} bar, expected {:+.1} bar: is the pump's polarity reversed (sign of \
-                 the command, lines), the sensor another one, or the pump side open?",
+                 the command, lines), is the sensor at another port, or is the pump side open?",
                 measured / BAR,
                 expected / BAR
             ),
             Self::Pressure(signal, [measured, allowed]) => write!(
                 f,
-                "{} is {:.1} bar, allowed {:.1} bar: look at its sensor and at supervision.pressure_bar",
+                "{} is {:.1} bar, allowed {:.1} bar: check its sensor and supervision.pressure_bar",
                 name(signal),
                 measured / BAR,
                 allowed / BAR
             ),
             Self::PositionReversed(moved) => write!(
                 f,
-                "the position changed by {:+.2} mm against the pump: correct the sign of the position (sign of its \
-                 line of the table)",
+                "the position changed by {:+.2} mm against the pump: correct the sign of the position (key `sign` of \
+                 its row of the table)",
                 moved / MM
             ),
             Self::Supervisor(cause, moved) => write!(
@@ -317,8 +317,8 @@ impl Display for Finding {
             ),
             Self::LeftTravel([measured, expected, allowed]) => write!(
                 f,
-                "the position had changed by {:+.2} mm, expected {:+.2} mm within {:.2} mm: look at scale and sign of \
-                 the position, at displacement and leakage of the pump",
+                "the position had changed by {:+.2} mm, expected {:+.2} mm within {:.2} mm: check scale and sign of \
+                 the position, and displacement and leakage of the pump",
                 measured / MM,
                 expected / MM,
                 allowed / MM
@@ -331,17 +331,17 @@ impl Display for Finding {
             ),
             Self::Delay([measured, largest]) => write!(
                 f,
-                "the delay is {measured:.2} cycles, expected 0 to {largest:.0}: look at the machine's cycle and its \
+                "the delay is {measured:.2} cycles, expected 0 to {largest:.0}: check the machine's cycle and its \
                  buffers"
             ),
             Self::StopDistance([measured, largest]) => write!(
                 f,
-                "the stop took {:.2} mm, expected at most {:.2} mm: look at the load-holding valve's closing time and \
-                 at the drive's ramp",
+                "the stop took {:.2} mm, expected at most {:.2} mm: check the load-holding valve's closing time and \
+                 the drive's ramp",
                 measured / MM,
                 largest / MM
             ),
-            Self::Identity => f.write_str("the machine does not say what it is"),
+            Self::Identity => f.write_str("the machine does not report its identity: correct its program"),
         }
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! [`Sequence`](sequence::Sequence) is a state machine over any [`Machine`](crate::machine::Machine): one call a
 //! control period, without clock and without allocation. A step that fails sends the safe command and ends the
-//! sequence. [`record`] is the file that `hydroboom run` asks for before a real machine is moved.
+//! sequence. [`record`] is the file that `hydroboom run` requires before it moves a real machine.
 //!
 //! It is no safety function: it finds mistakes of wiring, signs, scales and tables.
 

@@ -1,7 +1,7 @@
 //! Record of a commissioning: what was commissioned, with what result; and what has changed since.
 //!
-//! The digest is SHA-256 over crane file, bus table, devices with their firmware, our version and the results. It finds
-//! changes; it is no safety function, and no protection against a person who writes another one.
+//! The digest is SHA-256 over crane file, bus table, devices with their firmware, our version and the results. It
+//! finds changes; it is no safety function, and no protection against a person who writes another one.
 
 use super::finding::{Outcome, SIGNALS};
 use super::sequence::{Quantities, Sequence};
@@ -16,11 +16,11 @@ use toml::{Table, Value};
 const FORMAT: i64 = 1;
 /// Longest file that is read \[B\].
 const LONGEST: u64 = 1_000_000;
-/// What a passed commissioning is called, and another one.
+/// Result of a passed commissioning, and of another one.
 const PASSED: &str = "passed";
 const FAILED: &str = "failed";
 
-/// A device as it says of itself.
+/// A device as it reports itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Device {
     /// Name by which a person finds it.
@@ -62,7 +62,7 @@ impl Basis {
             found.push("the crane file: a number or choice of it, or an override (--set)".into());
         }
         if self.bus_table != now.bus_table {
-            found.push("the bus table: what it says, not its comments".into());
+            found.push("the bus table: a value of it; comments do not count".into());
         }
         if self.version != now.version {
             found.push(format!(
@@ -106,7 +106,7 @@ impl Basis {
     }
 }
 
-/// Error of reading a record, or why a machine is not moved by it.
+/// Error of reading a record, or reason for which it does not permit motion.
 #[derive(Debug, Error)]
 pub enum RecordError {
     /// The file cannot be read.
@@ -127,7 +127,7 @@ pub enum RecordError {
         path: String,
         /// Name of the step.
         step: String,
-        /// What became of it.
+        /// Result of the step.
         how: String,
     },
     /// Something differs from what was commissioned.
@@ -193,7 +193,7 @@ pub fn text(basis: &Basis, machine: &str, date: &str, sequence: &Sequence) -> St
     all.insert("device".into(), Value::Array(devices.collect()));
     all.insert("step".into(), Value::Array(steps.collect()));
     format!(
-        "# Written by `hydroboom commission`. `hydroboom run --commissioning` compares it with what is there.\n\
+        "# Written by `hydroboom commission`. `hydroboom run --commissioning` compares it with the machine.\n\
          # The digest finds changes. It is no safety function.\n\n{all}"
     )
 }
@@ -241,7 +241,7 @@ pub fn measured(step: Step, q: &Quantities) -> Vec<(String, f64)> {
     }
 }
 
-/// Checks that a record is of what is there now, and passed.
+/// Checks that a record has passed, and is valid for the present machine.
 ///
 /// # Errors
 ///

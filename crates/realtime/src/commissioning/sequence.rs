@@ -1,7 +1,7 @@
 //! Sequence of the steps: one call a control period.
 //!
-//! While the load-holding valve is shut, the sequence commands by itself and checks each period: measurements sound and
-//! in their ranges, the load where it was, no fault of the machine. From the release on the supervisor commands, with
+//! While the load-holding valve is shut, the sequence commands by itself and checks each period: measurements valid
+//! and in their ranges, the load at rest, no fault of the machine. From the release on the supervisor commands, with
 //! all its monitors, and the sequence adds narrower bounds. What fails ends the sequence with motor zero, valve shut.
 
 use super::finding::{Finding, Outcome, Reason};
@@ -29,7 +29,7 @@ const BRAKING: f64 = 0.5;
 /// Longest time of a supervised stop before the drives are switched off \[s\].
 const STOPPING: f64 = 3.0;
 
-/// What a period begins with.
+/// Inputs of a period.
 #[derive(Clone, Copy, Debug)]
 pub struct Now {
     /// Time since the last executed period, by the machine's clock \[s\].
@@ -38,24 +38,24 @@ pub struct Now {
     pub incoming: Option<Incoming>,
     /// Periods missed since the last executed one.
     pub missed: u32,
-    /// Whether a person has confirmed what was asked for.
+    /// Whether a person has confirmed the prompt.
     pub is_confirmed: bool,
     /// Whether a person wants to end.
     pub is_ended: bool,
 }
 
-/// What a period ends with.
+/// Output of a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// A command to send.
     Send(Outgoing),
-    /// Nothing is sent, so that the machine's own watchdog acts.
+    /// Nothing is sent, so that the machine's own watchdog expires.
     Withhold,
     /// A person has confirmed that the machine may be reset; with the command to send.
     Reset(Outgoing),
 }
 
-/// What was measured; what was not is NaN.
+/// Measured quantities; NaN where one was not measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantities {
     /// Mean of each signal at rest, in its SI unit, motor speed in rev/s.
@@ -64,11 +64,11 @@ pub struct Quantities {
     pub noise: [f64; SIGNALS],
     /// The machine's code while the stop circuit was open; 0 where it reported no fault.
     pub stop_circuit_code: f64,
-    /// Time from the last command until the motor was read to stand \[s\]; NaN where no measurement came meanwhile.
+    /// Time from the last command until the speed signal showed rest \[s\]; NaN where no measurement came meanwhile.
     pub watchdog: f64,
-    /// Motor speed as read over the commanded one \[1\].
+    /// Measured motor speed over the commanded one \[1\].
     pub motor_ratio: f64,
-    /// From command to the motor's speed as read, at half of the slow speed \[cycles\].
+    /// Delay from commanded to measured motor speed, at half of the slow speed \[cycles\].
     pub motor_reaction: f64,
     /// Rise of the pump side's pressure in the slow turn \[Pa\], and revolutions for it \[rev\].
     pub polarity_rise: f64,
@@ -84,9 +84,9 @@ pub struct Quantities {
     pub scale: f64,
     /// Delay from sampling to actuation, as the attachment counts it \[cycles\].
     pub delay: f64,
-    /// Way of the piston after the immediate stop \[m\].
+    /// Stopping distance of the piston after the immediate stop \[m\].
     pub stop_distance: f64,
-    /// Largest way of the piston from its position at the begin, by the position signal \[m\].
+    /// Largest distance of the piston from its position at the begin, by the position signal \[m\].
     pub largest_movement: f64,
 }
 
@@ -113,13 +113,13 @@ impl Default for Quantities {
     }
 }
 
-/// How a step goes on.
+/// Result of one period of a step.
 enum Next {
-    /// With this.
+    /// The step goes on, with this action.
     Go(Action),
-    /// It is over.
+    /// The step has passed.
     Passed,
-    /// It cannot be done.
+    /// The step cannot be done.
     Skipped(Reason),
 }
 
@@ -134,7 +134,7 @@ enum Ending {
     Over,
 }
 
-/// The sequence at work.
+/// State of a sequence.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     limits: Limits,
@@ -180,7 +180,7 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// A sequence within a crane's limits. What the machine says that it is has been looked at before.
+    /// A sequence within a crane's limits. `is_identified` states whether the machine has reported its identity.
     pub fn new(limits: Limits, settings: Settings, is_identified: bool) -> Self {
         let mut limits = limits;
         limits.speed = settings.travel_speed;
@@ -223,7 +223,7 @@ impl Sequence {
         sequence
     }
 
-    /// The step at work, or that ended the sequence.
+    /// The present step, or the one that ended the sequence.
     pub fn step(&self) -> Step {
         self.step
     }
@@ -238,7 +238,7 @@ impl Sequence {
         &self.outcomes
     }
 
-    /// What was measured.
+    /// Measured quantities.
     pub fn quantities(&self) -> &Quantities {
         &self.quantities
     }
@@ -378,7 +378,7 @@ impl Sequence {
         self.volume += values[MOTOR] * elapsed * gain * self.limits.flow.displacement;
     }
 
-    /// What is checked in each period, whatever the step.
+    /// Checks that hold in each period of every step.
     fn judge(&self) -> Result<(), Finding> {
         let Some(seen) = self.seen else {
             return match self.time > self.settings.ready {
@@ -428,7 +428,7 @@ impl Sequence {
         {
             let is_beyond = !(low..=high).contains(&value);
             match is {
-                // beyond its sensor's range it is no number, and told as such
+                // a value that is NaN for being out of range is reported as not a number
                 Validity::OutOfRange if value.is_finite() => {
                     return Err(Finding::OutOfRange(signal, [value, low, high]));
                 }
@@ -471,14 +471,14 @@ impl Sequence {
         Outgoing { command: Command { axes: [axis; AXES] }, is_enabled }
     }
 
-    /// The motor's command, nearer to a speed by what its slew rate allows in a period \[rev/s\].
+    /// The motor's command, moved towards a speed by one period of its slew rate \[rev/s\].
     fn ramped(&self, wanted: f64) -> f64 {
         let reach = self.limits.motor_slew * self.limits.period;
         wanted.max(self.motor - reach).min(self.motor + reach)
     }
 
-    /// Smoothed pressures of the pump side and the cylinder chamber that carry the load, then of the others, out of
-    /// signals.
+    /// Of an axis's signals, the pressures of the pump side and of the cylinder chamber that carry the load, then of
+    /// the others.
     fn sides(&self, signals: &[f64; SIGNALS]) -> [f64; 4] {
         let [_, pump_a, a, b, pump_b, ..] = *signals;
         match self.limits.release.direction > 0.0 {

@@ -1,7 +1,7 @@
 //! Bounds, speeds and times of commissioning.
 //!
-//! The crane file gives the rest: ranges, noise limits, the slow speed of the motor, the release, and the way of a
-//! stop ([`Limits`](hydroboom_control::supervision::limits::Limits)).
+//! The crane file gives the rest: ranges, noise limits, the slow speed of the motor, the release, and the stopping
+//! time ([`Limits`](hydroboom_control::supervision::limits::Limits)).
 
 /// Bounds, speeds and times. The defaults are choices of this project and small against the stroke of a crane's
 /// cylinder (500 mm on the paper's crane); where a number follows from something else, its line says so.
@@ -20,33 +20,34 @@ pub struct Settings {
     pub held_movement: f64,
     /// Time in which the motor has to reach its slow speed \[s\], 0.2 to 5.
     pub turning: f64,
-    /// Deviation of the motor's speed as read from the commanded one, as a share of it, that is following, 0.05 to 0.5.
+    /// Largest deviation of the measured motor speed from the commanded one, relative to it \[1\], 0.05 to 0.5.
     pub speed_tolerance: f64,
-    /// Time after the watchdog's and the motor's braking time in which the motor has to stand \[s\], 0.02 to 0.2.
+    /// Time after watchdog and braking time within which the motor has to be at rest \[s\], 0.02 to 0.2.
     pub watchdog_margin: f64,
     /// Rise of the pump side's pressure that shows the polarity \[Pa\], 2 to 20 bar; six standard deviations of the
     /// noise at least.
     pub pressure_rise: f64,
-    /// Pressure that the pump side stays below the load's in it, so that nothing passes the valve \[Pa\], 5 to 50 bar.
+    /// Least excess of the load's pressure over the pump side's in the slow turn, so that no oil passes the valve
+    /// \[Pa\], 5 to 50 bar.
     pub pressure_room: f64,
-    /// Time for which a pump side without that room may drain \[s\], 0 to 120.
+    /// Time for the pump side to drain where that difference is missing \[s\], 0 to 120.
     pub draining: f64,
     /// Duration of the slow turn \[s\], 1 to 60.
     pub polarity: f64,
     /// Largest movement in the release \[m\], 1 to 10 mm.
     pub release_movement: f64,
-    /// Way of the travel \[m\], 2 to 20 mm.
+    /// Distance of the travel \[m\], 2 to 20 mm.
     pub travel: f64,
     /// Its largest speed \[m/s\], 2 to 20 mm/s.
     pub travel_speed: f64,
-    /// Deviation of the piston from the travel that ends it, either way \[m\], 1 to 5 mm.
+    /// Deviation of the piston from the set point, in either direction, that ends the travel \[m\], 1 to 5 mm.
     pub travel_deviation: f64,
-    /// Deviation of the travel from the pump's volume, as a share, 0.02 to 0.2; the half width of the range of the
-    /// pump's gain in the crane file where that is more.
+    /// Largest relative deviation of the travel by position from that by the pump's volume \[1\], 0.02 to 0.2; the
+    /// half width of the range of the pump's gain in the crane file where that is more.
     pub scale_tolerance: f64,
     /// Largest delay from sampling to actuation \[cycles\], 1 to 50.
     pub largest_delay: f64,
-    /// Time in which the piston is watched after the stop \[s\], 0.5 to 5.
+    /// Time for which the piston is monitored after the stop \[s\], 0.5 to 5.
     pub watching: f64,
 }
 

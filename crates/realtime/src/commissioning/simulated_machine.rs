@@ -14,7 +14,7 @@ use hydroboom_virtual_crane::VirtualCrane;
 const STOP_CIRCUIT: u16 = 6;
 /// Load held, motor at zero.
 const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
-/// Time that the simulated person takes for what is asked for \[s\].
+/// Time that the simulated person takes to follow a prompt \[s\].
 const REACTION: f64 = 0.5;
 
 /// Mistakes of wiring and set-up that commissioning is to find; the default has none.
@@ -22,11 +22,11 @@ const REACTION: f64 = 0.5;
 pub struct Mistakes {
     /// Factor of the motor's command.
     pub motor: f64,
-    /// Factor of the motor's speed as read.
+    /// Factor of the measured motor speed.
     pub motor_reading: f64,
     /// Whether the position counts from the other end of the stroke.
     pub is_position_reversed: bool,
-    /// Scale of the position about where it was at the begin.
+    /// Scale of the position about its value at the begin.
     pub position_scale: f64,
     /// Two signals that are exchanged, by their places.
     pub exchanged: Option<(usize, usize)>,
@@ -53,7 +53,7 @@ impl Default for Mistakes {
     }
 }
 
-/// The virtual crane with what a machine has besides.
+/// The virtual crane with stop circuit, state and watchdog.
 pub struct SimulatedMachine {
     crane: VirtualCrane,
     mistakes: Mistakes,
@@ -107,7 +107,7 @@ impl SimulatedMachine {
         &self.crane
     }
 
-    /// True way of the piston since the begin \[m\].
+    /// True displacement of the piston since the begin \[m\].
     pub fn moved(&self) -> f64 {
         self.crane.truth().outputs.stroke - self.begin
     }
@@ -135,7 +135,7 @@ impl SimulatedMachine {
         self.crane.advance(&AxisCommand { motor_speed, ..command })
     }
 
-    /// A simulated person does what is asked for; whether it is confirmed.
+    /// A simulated person follows the prompt; returns whether the person confirms it.
     pub fn answer(&mut self, prompt: Option<Prompt>) -> bool {
         let Some(prompt) = prompt else {
             self.asked = 0.0;

@@ -3,13 +3,13 @@
 /// A step of commissioning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// What the machine says that it is.
+    /// The machine reports its identity.
     Identity,
     /// Measurements at rest, drives without torque.
     Listening,
-    /// The stop circuit, opened by hand, is seen.
+    /// A person opens the stop circuit, and the machine reports it.
     StopCircuit,
-    /// The machine stops its motor by itself where commands are withheld.
+    /// The machine's watchdog stops the motor where commands are withheld.
     Watchdog,
     /// A slow turn of the motor with the valve shut raises the pressure of the pump side that carries the load.
     Polarity,
@@ -19,7 +19,7 @@ pub enum Step {
     Travel,
     /// Delay from sampling to actuation.
     Delay,
-    /// Way of the piston after an immediate stop.
+    /// Stopping distance of the piston after an immediate stop.
     StopDistance,
 }
 
@@ -55,7 +55,7 @@ impl Step {
     /// What happens in it, for the person at the machine.
     pub fn text(self) -> &'static str {
         match self {
-            Self::Identity => "what the machine says that it is",
+            Self::Identity => "the machine reports its identity",
             Self::Listening => "measurements at rest, drives without torque; nothing moves",
             Self::StopCircuit => "the stop circuit is opened by hand; nothing moves",
             Self::Watchdog => {
@@ -103,10 +103,10 @@ impl Prompt {
                 "open the stop circuit now: press the emergency stop that is at the machine"
             }
             Self::CloseStopCircuit => {
-                "it was seen. Close the stop circuit, reset the machine where it asks for that, then press Enter"
+                "the opening was detected. Close the circuit, reset the machine if it asks for that, then press Enter"
             }
             Self::ResetAfterWatchdog => {
-                "the machine has stopped itself, as it should. Reset it where it asks for that, then press Enter"
+                "the watchdog has stopped the machine, as expected. Reset it if it asks for that, then press Enter"
             }
         }
     }

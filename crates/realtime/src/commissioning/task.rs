@@ -18,12 +18,12 @@ const PRIORITY: i32 = 70;
 const SPIN: u64 = 60_000;
 /// Safe commands that are sent after the end \[periods\], so that one of them arrives.
 const LAST: u64 = 50;
-/// Time between two looks at what the sequence does.
+/// Interval at which step and prompt of the sequence are read.
 const LOOK: Duration = Duration::from_millis(20);
 /// Longest run in simulated time \[s\].
 const LONGEST: f64 = 1800.0;
 
-/// What a person at the machine says, as atomics that any thread may set.
+/// Inputs of the person at the machine, as atomics that any thread may set.
 #[derive(Debug, Default)]
 pub struct Person {
     confirmed: AtomicBool,
@@ -31,7 +31,7 @@ pub struct Person {
 }
 
 impl Person {
-    /// Confirms what was asked for.
+    /// Confirms the prompt.
     pub fn confirm(&self) {
         self.confirmed.store(true, Ordering::Release);
     }
@@ -42,16 +42,16 @@ impl Person {
     }
 }
 
-/// What is told of a sequence while it runs.
+/// Event of a running sequence, for the person.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Told {
     /// A step begins.
     Step(Step),
-    /// A person is asked for something.
+    /// A prompt begins.
     Prompt(Prompt),
 }
 
-/// What the sequence does now, as atomics: places of step and prompt.
+/// Present step and prompt of the sequence, as atomics: their indices.
 #[derive(Debug)]
 struct Shown {
     step: AtomicUsize,
@@ -59,10 +59,10 @@ struct Shown {
     is_over: AtomicBool,
 }
 
-/// Nothing is asked for.
+/// Index for no prompt.
 const NOTHING: usize = usize::MAX;
 
-/// Place of a prompt in [`Prompt::ALL`].
+/// Index of a prompt in [`Prompt::ALL`].
 fn place(prompt: Option<Prompt>) -> usize {
     prompt.and_then(|prompt| Prompt::ALL.iter().position(|p| *p == prompt)).unwrap_or(NOTHING)
 }
@@ -96,7 +96,7 @@ pub fn run(
             }
             let cycle = guarded(|| steer(&mut sequence, machine.as_mut(), period, person, shown));
             if cycle.is_err() {
-                // at once; after it the machine's watchdog
+                // stops at once; if it does not arrive, the machine's watchdog acts
                 let _ = guarded(|| machine.write(u64::MAX, &Outgoing::SAFE));
             }
             shown.is_over.store(true, Ordering::Release);
@@ -139,7 +139,7 @@ fn steer(
         let clock = now();
         let elapsed = clock.saturating_sub(executed) as f64 * 1e-9;
         executed = clock;
-        // what was confirmed before it was asked for does not count
+        // a confirmation before the prompt does not count
         let is_confirmed = person.confirmed.swap(false, Ordering::AcqRel)
             && sequence.prompt().is_some_and(Prompt::is_confirmed);
         let action = sequence.period(&Now {
@@ -169,8 +169,8 @@ fn act(machine: &mut dyn Machine, number: u64, action: Action) {
     }
 }
 
-/// Runs a sequence with the virtual crane, whose stop circuit a simulated person opens; `see` sees the machine after
-/// each period. At the rate of the clock where `is_paced`, else as fast as possible.
+/// Runs a sequence with the virtual crane, whose stop circuit a simulated person opens; `see` is called
+/// after each period. At the rate of the clock where `is_paced`, else as fast as possible.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Cables and plugs: no link, damaged frames, links that go away, delays that no cable has.
+//! Cables and plugs: no link, damaged frames, lost links, delays longer than those of a cable.
 
 use super::name;
 use crate::diagnosis::facts::{BusFacts, PORTS};
@@ -7,15 +7,15 @@ use crate::table::Table;
 
 /// Longest delay from one device to the next \[ns\]: 100 m of cable, and a device. Estimate: 0.55 us and 1 us.
 const LONGEST_DELAY: u32 = 3_000;
-/// What damages frames.
-const MEND: &str = "replace the cable and its plugs, and keep it away from the motor's";
+/// Advice where frames are damaged.
+const MEND: &str = "replace the cable and its plugs, and keep it away from motor cables";
 
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     if bus.line.is_empty() {
         return vec![Finding::error(
             Stage::Cable,
             "no device answers".into(),
-            "look at the cable to the first device, which belongs into its socket IN, and at its supply",
+            "check the supply of the first device and the cable to it, which has to be in its IN port",
         )];
     }
     let mut found = Vec::new();
@@ -28,7 +28,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
         found.push(Finding::error(
             Stage::Cable,
             format!("frames do not enter {} by its first port", name(table, bus, 0)),
-            "plug the cable from this computer into its socket IN",
+            "plug the cable from this computer into its IN port",
         ));
     }
     found
@@ -47,7 +47,7 @@ fn cable(table: &Table, bus: &BusFacts, position: usize, port: usize) -> String 
     }
 }
 
-/// The port with the highest count, counted while this looked, or else since power-on.
+/// The port with the highest count, and that count; none where all counts are 0.
 fn most(count: impl Fn(usize) -> u8) -> Option<(usize, u8)> {
     (0..PORTS)
         .map(|port| (port, count(port)))
@@ -63,7 +63,7 @@ fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Find
         return Some(Finding::error(
             Stage::Cable,
             format!(
-                "frames are damaged on the cable {}: {count} were counted at port {port} while this looked",
+                "frames are damaged on the cable {}: {count} were counted at port {port} during the diagnosis",
                 cable(table, bus, position, port)
             ),
             MEND,
@@ -74,10 +74,10 @@ fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Find
             Stage::Cable,
             format!(
                 "frames were damaged on the cable {}: {count} were counted at port {port} since power-on, \
-                none while this looked",
+                none during the diagnosis",
                 cable(table, bus, position, port)
             ),
-            "where the number grows from day to day, replace the cable and its plugs",
+            "if the number grows from day to day, replace the cable and its plugs",
         )
     })
 }
@@ -90,10 +90,10 @@ fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding>
         return Some(Finding::error(
             Stage::Cable,
             format!(
-                "the link {} went away {count} times while this looked (port {port}, 0x0310)",
+                "the link {} was lost {count} times during the diagnosis (port {port}, 0x0310)",
                 cable(table, bus, position, port)
             ),
-            "look at its plugs and at the supply on both sides",
+            "check its plugs and the supply of the devices at both ends",
         ));
     }
     most(|port| is[port]).map(|(port, count)| {
@@ -103,12 +103,12 @@ fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding>
                 "the link {} was lost {count} times since power-on (port {port}, 0x0310)",
                 cable(table, bus, position, port)
             ),
-            "where nobody pulled a plug or switched its other side off, look at plugs and supply",
+            "if no plug was pulled and no neighbour switched off, check plugs and supply",
         )
     })
 }
 
-/// A delay from the device before that only a switch or a converter makes.
+/// A propagation delay from the device before that only a switch or a media converter explains.
 fn delay(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
     let delay = |position: usize| {
         let has_clock = bus.devices.get(position).is_some_and(|device| device.has_clock);
@@ -120,11 +120,11 @@ fn delay(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
         Finding::warning(
             Stage::Cable,
             format!(
-                "a frame takes {:.1} us {}, which is longer than 100 m of cable make",
+                "a frame takes {:.1} us {}, which is longer than 100 m of cable cause",
                 1e-3 * f64::from(way),
                 cable(table, bus, position, 0)
             ),
-            "take the switch or converter there out",
+            "remove the switch or media converter there",
         )
     })
 }

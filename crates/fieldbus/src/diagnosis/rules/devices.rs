@@ -1,4 +1,4 @@
-//! Number, order and identity of the devices: which is missing, which is not the table's.
+//! Number, order and identity of the devices: which are missing, which are not in the table.
 
 use super::name;
 use crate::check::{DeviceFacts, Subject, mismatches};
@@ -28,19 +28,19 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                     row.name,
                     link_behind(table, bus, first - 1)
                 ),
-                "look at the cable in front of it and at its supply",
+                "check the cable in front of it and its supply",
             )
         }
         (_, []) => error(
             format!("{} missing: {counts}", list(missing.iter().map(|k| named(&rows[*k], *k)))),
-            "put it in, or take it out of the table",
+            "connect it, or delete it from the table",
         ),
         ([], _) => error(
             format!(
                 "{} not in the table: {counts}",
                 list(extra.iter().map(|k| described_device(&devices[*k], *k)))
             ),
-            "take it off the line, or write it into the table",
+            "remove it from the bus, or add it to the table",
         ),
         _ if devices.len() == rows.len() && are_the_same(rows, devices) => {
             let places = devices.iter().enumerate().filter(|(k, device)| !fits(&rows[*k], device));
@@ -51,7 +51,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                     "the devices are in another order than in the table: {}",
                     places.collect::<Vec<_>>().join(", ")
                 ),
-                "plug their cables in the table's order, or put the table into theirs",
+                "connect them in the table's order, or change the order in the table",
             )
         }
         _ if devices.len() == rows.len() => described(table, bus),
@@ -75,7 +75,7 @@ fn described(table: &Table, bus: &BusFacts) -> Vec<Finding> {
         .collect()
 }
 
-/// Whether a device is of a row's kind, whatever its revision.
+/// Whether vendor and product of a device are those of a row, whatever its revision.
 fn fits(row: &DeviceRow, device: &DeviceFacts) -> bool {
     device.identity[..2] == [row.vendor, row.product]
 }
@@ -89,7 +89,7 @@ fn are_the_same(rows: &[DeviceRow], devices: &[DeviceFacts]) -> bool {
     wanted.iter().map(|kind| &kind[..]).eq(found)
 }
 
-/// Rows without a device and devices without a row, by a longest common subsequence of their kinds.
+/// Rows without a device and devices without a row, by a longest common subsequence of vendor and product.
 fn unmatched(rows: &[DeviceRow], devices: &[DeviceFacts]) -> (Vec<usize>, Vec<usize>) {
     let (n, m) = (rows.len(), devices.len());
     // longest common subsequence of what follows
@@ -117,12 +117,12 @@ fn unmatched(rows: &[DeviceRow], devices: &[DeviceFacts]) -> (Vec<usize>, Vec<us
     (missing, extra)
 }
 
-/// What the last device that answers shows of its neighbour.
+/// Link behind the last device that answers.
 fn link_behind(table: &Table, bus: &BusFacts, last: usize) -> String {
     let this = name(table, bus, last);
     let has_link = |port: &usize| bus.line.get(last).is_some_and(|device| device.has_link(*port));
     match (1..PORTS).find(has_link) {
-        Some(port) => format!("{this} has a link at port {port}, behind which nobody answers"),
+        Some(port) => format!("{this} has a link at port {port}, behind which no device answers"),
         None => format!("{this} has no link behind it"),
     }
 }
@@ -139,7 +139,7 @@ fn described_device(device: &DeviceFacts, position: usize) -> String {
     )
 }
 
-/// The table's name of a device's kind.
+/// The table's name of a device with this vendor and product.
 fn in_table(rows: &[DeviceRow], device: &DeviceFacts) -> String {
     let row = rows.iter().find(|row| fits(row, device));
     row.map_or_else(|| device.name.clone(), |row| row.name.clone())

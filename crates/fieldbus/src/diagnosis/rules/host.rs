@@ -1,4 +1,4 @@
-//! Network card and interrupts of this computer: what holds an answer up after it has come.
+//! Network card and interrupts of this computer: delays of an answer after the card has received it.
 
 use crate::bus_task::PRIORITY;
 use crate::diagnosis::finding::{Finding, Stage};
@@ -19,15 +19,17 @@ pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
     if let Some(how) = gathers {
         found.push(Finding::warning(
             Stage::Host,
-            format!("the network card of {interface} gathers frames before it interrupts ({how})"),
-            format!("ethtool -C {interface} adaptive-rx off rx-usecs 0"),
+            format!(
+                "the network card of {interface} coalesces interrupts, which delays frames ({how})"
+            ),
+            format!("switch that off: ethtool -C {interface} adaptive-rx off rx-usecs 0"),
         ));
     }
     if let Some(ns) = host.flush_after_ns.filter(|ns| *ns > 0) {
         found.push(Finding::warning(
             Stage::Host,
             format!("the kernel holds frames of {interface} for {} us to merge them", ns / 1000),
-            format!("echo 0 > /sys/class/net/{interface}/gro_flush_timeout"),
+            format!("switch that off: echo 0 > /sys/class/net/{interface}/gro_flush_timeout"),
         ));
     }
     let slow = |priority: &Option<i32>| priority.is_none_or(|priority| priority <= PRIORITY);
@@ -43,7 +45,7 @@ pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
                 running",
                 thread.name
             ),
-            format!("chrt -f -p {INTERRUPT} {}", thread.pid),
+            format!("raise it: chrt -f -p {INTERRUPT} {}", thread.pid),
         ));
     }
     found

@@ -15,12 +15,12 @@ use crate::check::{Subject, mismatches};
 use crate::start_up::identities_fit;
 use crate::table::Table;
 
-/// What is not as it should be: errors before warnings, and of each the cause before its effects.
+/// All findings: errors before warnings, and within a severity causes before effects.
 pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding> {
     let mut found = cable::findings(table, bus);
     found.extend(devices::findings(table, bus));
     found.extend(start_up(table, bus));
-    // what of the devices could not be read to its end is not known
+    // devices that could not be read completely are not compared
     if bus.set_up.len() == table.devices.len() && bus.failed.is_empty() {
         found.extend(mismatches(table, &bus.devices).into_iter().map(|found| {
             let stage = match found.subject {
@@ -37,7 +37,7 @@ pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding>
     }
     found.extend(state::findings(table, bus));
     let timing = timing::findings(table, bus, &found);
-    // what delays frames is worse where frames are late
+    // a cause of delay in this computer is an error where frames are late
     let is_late = timing::is_held_up(bus, &found);
     let by_host = host::findings(host).into_iter();
     found.extend(by_host.map(|finding| match is_late {
@@ -66,7 +66,7 @@ fn name(table: &Table, bus: &BusFacts, position: usize) -> String {
     format!("{name} (position {position})")
 }
 
-/// What could not be written or read at start-up.
+/// Objects and registers that could not be written or read at start-up.
 fn start_up(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let failed = bus.failed.iter().map(|(position, what, why)| {
         Finding::error(
@@ -78,7 +78,7 @@ fn start_up(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     failed.collect()
 }
 
-/// Sizes of process data, as the sync managers are set.
+/// Sizes of process data by the sync managers, against the table.
 fn sizes(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
     for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
@@ -92,7 +92,7 @@ fn sizes(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                         "{side} of {} have {is} bytes by its sync manager, {wanted} by the table",
                         name(table, bus, position)
                     ),
-                    "correct the lists of the table by the device's manual",
+                    "correct the PDOs of the table by the device's manual",
                 ));
             }
         }

@@ -6,7 +6,7 @@ use crate::diagnosis::finding::{Finding, Stage};
 use crate::start_up::al_text;
 use crate::table::Table;
 
-/// Bit of the state that tells an error.
+/// Error bit of the AL status.
 const HAS_ERROR: u16 = 0x10;
 
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
@@ -32,7 +32,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             found.push(Finding::warning(
                 Stage::State,
                 format!(
-                    "{this} had an error before this looked, and has none now: {} (AL status code 0x{:04X})",
+                    "{this} had an error before the diagnosis, and has none now: {} (AL status code 0x{:04X})",
                     al_text(device.code),
                     device.code
                 ),
@@ -44,8 +44,10 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     if let Some(why) = why.filter(|_| found.iter().all(|found| found.stage != Stage::State)) {
         found.push(Finding::error(
             Stage::State,
-            format!("the devices did not go to {wanted}, and none says why ({why})"),
-            "switch their supply off and on, then look again",
+            format!(
+                "the devices did not go to {wanted}, and none reports an AL status code ({why})"
+            ),
+            "switch their supply off and on, then repeat the diagnosis",
         ));
     }
     found
@@ -56,23 +58,25 @@ fn advice(code: u16) -> &'static str {
     match code {
         0x0014 => "load firmware into it",
         0x0016 => "its EEPROM does not fit its firmware: load both of one release",
-        0x0017 | 0x001d | 0x001e => "compare the sizes of its lists with the table",
+        0x0017 | 0x001d | 0x001e => "compare the sizes of its PDOs with the table",
         0x001a | 0x002c | 0x0032 | 0x0034 => {
-            "look at the margins of frames before SYNC0, then at what holds this computer up"
+            "check the margins of frames before SYNC0, then what delays this computer (hydroboom doctor)"
         }
         0x001b => {
-            "a main device stopped sending: its program ended or was held up, or a cable was pulled"
+            "the main device stopped sending: its program ended or was delayed, or a cable was pulled"
         }
         0x001f => "set watchdog_ms of the table to what its manual asks for",
         0x0020 => "switch its supply off and on",
         0x0024 | 0x0025 => "map what its manual allows",
         0x0027 => "set sync = \"sync0\": it does not run free",
         0x0028 | 0x0030 => "set sync, 0x1C32:01 and 0x1C33:01 as its manual asks for",
-        0x002d => "look whether its sync in the table is the one that it is set up for",
-        0x002e | 0x0035 | 0x0036 => "set bus.period_us to a cycle that it takes",
-        0x0050 | 0x0051 => {
-            "its EEPROM cannot be read: switch its supply off and on, then have it mended"
+        0x002d => {
+            "it received no SYNC0: check that sync in the table is the mode that it is set up for"
         }
-        _ => "look for the code in its manual",
+        0x002e | 0x0035 | 0x0036 => "set bus.period_us to a cycle that it supports",
+        0x0050 | 0x0051 => {
+            "its EEPROM cannot be read: switch its supply off and on; if that does not help, have it repaired"
+        }
+        _ => "see its manual for the code",
     }
 }

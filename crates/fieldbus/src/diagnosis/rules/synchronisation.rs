@@ -1,4 +1,4 @@
-//! Synchronisation: what the EEPROM asks for, what register 0x0981 holds, and what 0x1C32 and 0x1C33 say.
+//! Synchronisation: activation by the EEPROM and by register 0x0981, objects 0x1C32 and 0x1C33, clock difference.
 
 use super::name;
 use crate::diagnosis::facts::{BusFacts, SetUp};
@@ -22,7 +22,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
         found.extend(activation(&this, row, shown, modes));
         found.extend(types(&this, row, shown));
         found.extend(cycles(&this, table, row, shown));
-        // the reference follows nobody: what its register holds is from before
+        // the reference clock follows no other: its register 0x092C is not updated
         if reference != Some(position) {
             found.extend(clock(&this, row, shown));
         }
@@ -31,7 +31,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
         found.push(Finding::error(
             Stage::Synchronisation,
             why.clone(),
-            "one device at least has to have a distributed clock, and the first that has is the reference",
+            "at least one device needs a distributed clock; the first one that has it is the reference",
         ));
     }
     found
@@ -48,7 +48,7 @@ fn activation(this: &str, row: &DeviceRow, shown: &SetUp, modes: &[u16]) -> Opti
             format!(
                 "register 0x0981 of {this} is 0x{is:02X}, its sync in the table asks for 0x{wanted:02X}"
             ),
-            "read in its manual which activations it takes, and set sync",
+            "read in its manual which activations it supports, and set sync",
         ));
     }
     let fitting = || modes.iter().filter(|mode| *mode & 0x0700 == row.sync.activation());
@@ -62,7 +62,7 @@ fn activation(this: &str, row: &DeviceRow, shown: &SetUp, modes: &[u16]) -> Opti
                 "{this} asks for the activation 0x{mode:04X} in its EEPROM, and register 0x0980 is \
                 0x{unit:02X}, which this program does not write"
             ),
-            "look whether it follows SYNC0 all the same; some devices do",
+            "check whether it follows SYNC0 nevertheless; some devices do",
         )
     })
 }
@@ -109,15 +109,15 @@ fn types(this: &str, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
 fn text(kind: u16) -> &'static str {
     match kind {
         0 => "free run",
-        1 => "by the frame",
+        1 => "by the sync manager event",
         BY_SYNC0 => "by SYNC0",
         BY_SYNC1 => "by SYNC1",
-        BY_OUTPUTS => "by the frame of the outputs",
-        _ => "of its maker",
+        BY_OUTPUTS => "by the sync manager event of the outputs",
+        _ => "manufacturer-specific",
     }
 }
 
-/// The period against the device's cycle times, and the time that outputs need against when they come.
+/// Compares the period with the device's cycle times, and the calc and copy time with the send time of outputs.
 fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
     if row.sync == Sync::None {
         return Vec::new();
@@ -133,7 +133,7 @@ fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Find
                 us(shortest),
                 us(period)
             ),
-            "lengthen bus.period_us and the control period, or take a faster device",
+            "lengthen bus.period_us and the control period, or use a faster device",
         ));
     }
     if let Some(cycle) = stated(shown.cycle).filter(|cycle| *cycle != period) {

@@ -4,7 +4,7 @@ use crate::diagnosis::facts::BusFacts;
 use crate::diagnosis::finding::{Finding, Severity, Stage};
 use crate::table::Table;
 
-/// Whether more frames are late or lost than are borne, and no damaged cable explains it.
+/// Whether more frames are late or lost than the table allows, and no damaged cable explains it.
 pub(super) fn is_held_up(bus: &BusFacts, others: &[Finding]) -> bool {
     bus.listening.is_some_and(|seen| {
         seen.has_too_many_late || seen.has_too_many_lost && !has_damaged_cable(others)
@@ -27,10 +27,10 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
         found.push(finding(
             Stage::Timing,
             format!(
-                "{} of {} frames did not come back in time, and no device counted a damaged one",
+                "{} of {} frames did not come back in time, and no device counted a damaged frame",
                 seen.lost, seen.exchanges
             ),
-            "look at the load of this computer (hydroboom doctor) and at the cable to it"
+            "check the load of this computer (hydroboom doctor) and the cable to the first device"
                 .to_string(),
         ));
     }
@@ -43,10 +43,10 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
         found.push(finding(
             Stage::Timing,
             format!(
-                "{} of {} frames came back with the working counter {}, the table makes {}",
+                "{} of {} frames came back with the working counter {}, expected by the table {}",
                 seen.low, seen.exchanges, seen.low_counter, seen.working_counter
             ),
-            "a device did not take part: look at its cable and supply".to_string(),
+            "a device did not process its data: check its cable and supply".to_string(),
         ));
     }
     if seen.late_outputs > 0 {
@@ -60,7 +60,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
                 seen.cycles,
                 us(seen.late_by.max)
             ),
-            "send earlier (bus.send_us), and look at what holds this computer up (hydroboom doctor)"
+            "send earlier (bus.send_us), and check what delays this computer (hydroboom doctor)"
                 .to_string(),
         ));
     }
@@ -71,11 +71,11 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
             Stage::Timing,
             format!(
                 "1 % of frames take more than {} us, and control begins {} us after the first is sent: it \
-                gets the measurement of the period before",
+                uses the measurement of the period before",
                 us(seen.round_trip.p99),
                 us(answered)
             ),
-            "look at what holds this computer up (hydroboom doctor), or send later (bus.send_us)",
+            "check what delays this computer (hydroboom doctor), or send later (bus.send_us)",
         ));
     }
     found

@@ -1,11 +1,11 @@
-//! Process-data watchdog: what stops the outputs of a device where frames stay away.
+//! Process-data watchdog: it stops the outputs of a device where frames stop.
 
 use super::name;
 use crate::diagnosis::facts::BusFacts;
 use crate::diagnosis::finding::{Finding, Stage};
 use crate::table::Table;
 
-/// Time of the watchdog after power-on \[ns\] (ETG.1000.4): a longer one was set by somebody.
+/// Time of the watchdog after power-on \[ns\] (ETG.1000.4): a longer one was set later.
 const USUAL: u64 = 100_000_000;
 
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
@@ -27,8 +27,8 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             found.push(Finding::warning(
                 Stage::Watchdog,
                 format!(
-                    "the process-data watchdog of {this} is {} ms: its outputs stay on for so long where \
-                    this computer stops",
+                    "the process-data watchdog of {this} is {} ms: its outputs stay on for that time \
+                    where this computer stops",
                     time / 1_000_000
                 ),
                 set,
@@ -40,11 +40,11 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             found.push(finding(
                 Stage::Watchdog,
                 format!(
-                    "sync manager {} of {this} does not feed the watchdog (bit 6 of its control byte): its \
+                    "sync manager {} of {this} does not trigger the watchdog (bit 6 of its control byte): its \
                     outputs stay on where this computer stops",
                     manager.number
                 ),
-                "read in its manual what it does without frames, and whether its EEPROM can set this bit",
+                "read in its manual how its outputs react to missing frames, and whether its EEPROM can set this bit",
             ));
         }
     }

@@ -9,11 +9,11 @@ use hydroboom_control::supervision::limits::MachineStatus;
 
 /// Standard deviations of the noise that a rise exceeds.
 const SIGNIFICANT: f64 = 6.0;
-/// Time for which a machine that reports no state is waited for, where others report that they are enabled \[s\].
+/// Time for a machine that reports no state to enable its drives \[s\].
 const UNREPORTED: f64 = 0.2;
-/// Time for which a motor has had its slow speed before something is judged by it \[s\].
+/// Time at slow speed before measurements are judged \[s\].
 const STEADY: f64 = 0.1;
-/// Time after which a machine that still has a fault was not reset by what a person confirmed \[s\].
+/// Time after a confirmed reset, after which a remaining fault is prompted again \[s\].
 const AGAIN: f64 = 1.0;
 
 impl Sequence {
@@ -67,7 +67,7 @@ impl Sequence {
         Ok(Next::Passed)
     }
 
-    /// Whether what was measured at rest can be.
+    /// Checks whether the measurements at rest are plausible.
     fn judge_rest(&mut self) -> Result<(), Finding> {
         let l = &self.limits;
         let (rest, noise) = (self.windows.map(|w| w.mean()), self.windows.map(|w| w.scatter()));
@@ -85,7 +85,7 @@ impl Sequence {
             }
         }
         let drift = self.windows[STROKE].drift().abs();
-        // over the observation of a release
+        // the limit holds for the observation time of a release
         let allowed = l.release.rest_drift * (self.settings.listening / l.still.1).max(1.0);
         if drift.is_nan() || drift > allowed {
             return Err(Finding::Drifts([drift, allowed]));
@@ -96,7 +96,7 @@ impl Sequence {
         let r = &l.release;
         let [pump, load, _, other] = self.sides(&rest);
         let height = if r.direction > 0.0 { rest[STROKE] } else { r.stroke - rest[STROKE] };
-        // what is shut in on the other side is carried besides the load
+        // the load chamber carries the pressure shut in on the other side, too
         let held_back = other.max(0.0) * r.other_area / r.area;
         let least = if height > r.end_zone { r.least_pressure + held_back } else { 0.0 };
         let low = least - r.pressure_tolerance;
@@ -121,7 +121,7 @@ impl Sequence {
         Ok(())
     }
 
-    /// The stop circuit is opened by hand, and seen.
+    /// A person opens the stop circuit, and the machine has to report it.
     pub(super) fn see_stop_circuit(&mut self, now: &Now) -> Result<Next, Finding> {
         match self.phase {
             0 => {
@@ -154,7 +154,7 @@ impl Sequence {
 
     /// Drives without torque until a person has confirmed and the machine is ready.
     fn wait_for_reset(&mut self, now: &Now) -> Result<Next, Finding> {
-        // a bus that is started again measures nothing meanwhile
+        // no measurements arrive while a bus restarts
         self.may_be_silent = true;
         if now.is_confirmed {
             (self.prompt, self.time) = (None, 0.0);
@@ -162,7 +162,7 @@ impl Sequence {
         }
         let has_fault = matches!(self.status(), Some(MachineStatus::Fault { .. }));
         if self.prompt.is_none() && has_fault && self.time > AGAIN {
-            // a fault behind the one that was reset is for a person, too
+            // a second fault behind the one that was reset needs a person, too
             self.prompt = Some(match self.step {
                 Step::StopCircuit => Prompt::CloseStopCircuit,
                 _ => Prompt::ResetAfterWatchdog,
@@ -190,7 +190,7 @@ impl Sequence {
         self.half = [f64::NAN; 2];
     }
 
-    /// Ramps the motor to its slow speed; whether it has had it for a moment, as read.
+    /// Ramps the motor to its slow speed; returns whether the smoothed speed signal has reached it.
     fn turn(&mut self) -> Result<bool, Finding> {
         self.stays_enabled()?;
         let slow = self.slow();
@@ -215,7 +215,7 @@ impl Sequence {
         }
     }
 
-    /// The motor turns slowly, and commands are withheld: the machine stops it by itself.
+    /// The motor turns slowly, and commands are withheld: the machine's watchdog has to stop it.
     pub(super) fn try_watchdog(&mut self, now: &Now, elapsed: f64) -> Result<Next, Finding> {
         let slow = self.slow();
         let braking = slow.abs() / self.limits.motor_slew + self.limits.drive.response;
@@ -250,8 +250,8 @@ impl Sequence {
                 if self.time <= longest {
                     return Ok(Next::Go(Action::Withhold));
                 }
-                // where measurements came meanwhile, the motor has to be read at rest; else in the next one, whose
-                // speed was sampled before this command can have acted
+                // where measurements came meanwhile, they have to show the motor at rest; if not, the next one has to,
+                // whose speed was sampled before this command can have acted
                 let came = self.age <= self.limits.stale;
                 if came && self.read_motor().abs() > threshold {
                     return Err(Finding::NoWatchdog([self.read_motor(), self.time]));
@@ -270,8 +270,8 @@ impl Sequence {
                 } else if self.time > 2.0 * STEADY
                     && matches!(self.status(), Some(MachineStatus::Fault { .. }))
                 {
-                    // devices on a bus that left OP by their watchdogs measure nothing until they are started again;
-                    // one without a watchdog stays in OP, and is judged by its measurement
+                    // devices that left OP by their watchdogs send no measurements until the bus restarts; one without
+                    // a watchdog stays in OP, and is judged by its measurement
                     self.begin_phase(5);
                     self.prompt = Some(Prompt::ResetAfterWatchdog);
                 } else if self.time > self.settings.ready {
@@ -294,12 +294,12 @@ impl Sequence {
         }
     }
 
-    /// Motor speed as read last \[rev/s\].
+    /// Newest measured motor speed \[rev/s\].
     fn read_motor(&self) -> f64 {
         self.seen.map_or(f64::NAN, |seen| seen.measurement.axes[0].signals.motor_speed)
     }
 
-    /// A slow turn raises the pressure of the pump side that carries the load, and no other.
+    /// A slow turn has to raise the pressure of the pump side that carries the load, and no other.
     pub(super) fn find_polarity(&mut self, elapsed: f64) -> Result<Next, Finding> {
         let [noise, ..] = self.sides(&self.quantities.noise);
         let rise = self.settings.pressure_rise.max(SIGNIFICANT * noise);

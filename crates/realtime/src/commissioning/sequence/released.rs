@@ -15,7 +15,7 @@ const WINDOW: f64 = 0.5;
 const AGAINST: f64 = 0.5;
 
 impl Sequence {
-    /// Smoothed way of the piston from the position at which it was held \[m\].
+    /// Smoothed displacement of the piston from the position at which it was held \[m\].
     fn moved(&self) -> f64 {
         self.smooth[STROKE] - self.origin.unwrap_or(f64::NAN)
     }
@@ -50,7 +50,7 @@ impl Sequence {
         Ok(Next::Go(Action::Send(Outgoing::of(&decision))))
     }
 
-    /// Motor speed that makes good what leaks \[rev/s\].
+    /// Motor speed that compensates leakage \[rev/s\].
     fn leakage(&self) -> f64 {
         let r = &self.limits.release;
         let [pump, ..] = self.sides(&self.smooth);
@@ -70,14 +70,14 @@ impl Sequence {
         (WINDOW / self.limits.still.1).ceil().max(1.0) * self.limits.still.1
     }
 
-    /// Largest velocity of the travel \[m/s\], and the duration of each of its ramps \[s\]: a period of the load mode, so
-    /// that the boom does not swing after it.
+    /// Largest velocity of the travel \[m/s\], and the duration of each of its ramps \[s\]: a period of the load mode,
+    /// so that the boom does not swing after it.
     fn ramp(&self) -> (f64, f64) {
         let ramp = self.limits.still.1.max(self.limits.period);
         (self.settings.travel_speed.min(self.settings.travel / ramp), ramp)
     }
 
-    /// Way \[m\] and velocity \[m/s\] of the travel after a time \[s\], and its duration.
+    /// Distance \[m\] and velocity \[m/s\] of the travel after a time \[s\], and its duration \[s\].
     fn profile(&self, time: f64) -> (f64, f64, f64) {
         let (speed, ramp) = self.ramp();
         let end = self.settings.travel / speed + ramp;
@@ -136,7 +136,7 @@ impl Sequence {
                     self.judge_travel()?;
                     return Ok(Next::Passed);
                 }
-                // what leaked at rest is not the travel's
+                // leakage at rest does not count as travel
                 (self.base, self.reference) = (mean, mean);
             }
             if is_motion {
@@ -165,7 +165,7 @@ impl Sequence {
         if is_right { Ok(()) } else { Err(Finding::Scale([ratio, allowed])) }
     }
 
-    /// Delay as the attachment counts it; where it counts none, the motor's reaction stands for it.
+    /// Delay as the attachment counts it; where it counts none, the motor's reaction is judged instead.
     pub(super) fn judge_delay(&mut self, now: &Now) -> Result<Next, Finding> {
         self.follow(now, 0.0)?;
         self.base = self.smooth[STROKE];
@@ -176,7 +176,7 @@ impl Sequence {
         let largest = self.settings.largest_delay + if counted.is_some() { 0.0 } else { response };
         let delay = counted.map_or(self.quantities.motor_reaction, |delay| delay.total);
         self.quantities.delay = counted.map_or(f64::NAN, |delay| delay.total);
-        // a clock of the machine that is off by part of a cycle
+        // below 0: the machine's clock is off by part of a cycle
         let is_right = (-0.5..=largest).contains(&delay);
         if is_right { Ok(Next::Passed) } else { Err(Finding::Delay([delay, largest])) }
     }
