@@ -64,7 +64,7 @@ static int take(int from, uint8_t kind, uint64_t wait_ns) {
 
 int main(int count, char **given) {
     struct { struct hydroboom_hello head; struct hydroboom_ranges ranges; } hello = {
-        {PERIOD_NS, HYDROBOOM_MACHINE_VERSION, HYDROBOOM_SIMULATED_MACHINE, {0}}, {{{0}}}};
+        {PERIOD_NS, HYDROBOOM_MACHINE_VERSION, HYDROBOOM_SIMULATED_MACHINE, 0, 0}, {{{0}}}};
     struct { struct hydroboom_measurement head; struct hydroboom_measured_axis axis; } seen = {{0}, {{0}, {0}, 0}};
     struct sockaddr_in controller = {.sin_family = AF_INET, .sin_addr = {htonl(INADDR_LOOPBACK)}};
     int simulated = count > 2 && !strcmp(given[2], "--simulated-time"), held = 0, silent = 0;
