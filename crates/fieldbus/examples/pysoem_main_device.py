@@ -30,6 +30,20 @@ VELOCITY_MODE = 9
 ANSWER_US = 2000
 
 
+class Phase:
+    """Keeps the cycle in phase with SYNC0, which comes at whole periods of the reference clock, as SOEM's examples do."""
+
+    def __init__(self, period_ns):
+        self.period, self.integral = period_ns, 0
+
+    def correction(self, clock_ns):
+        """By how much the next cycle is to begin later [s], so that frames pass half a period before SYNC0."""
+        off = (clock_ns - self.period // 2) % self.period
+        off -= self.period if off > self.period // 2 else 0
+        self.integral += (off > 0) - (off < 0)
+        return -1e-9 * (off / 100 + self.integral / 20)
+
+
 class Place:
     """Bits of an entry in a device's process data."""
 
@@ -165,7 +179,7 @@ def main():
     try:
         started(master, table, round(1e9 * period))
         images = [bytearray(len(slave.output)) for slave in master.slaves]
-        due, at = time.monotonic(), None
+        due, at, phase = time.monotonic(), None, Phase(round(1e9 * period))
         enabled = 0
         # enabling takes some cycles; the recording begins when the drive is in operation
         while at is None or at < len(commands):
@@ -196,7 +210,7 @@ def main():
                 enabled += 1
                 if enabled > 5000:
                     sys.exit(f"the drive is not enabled: statusword {word:#06x}; {states(master)}")
-            due += period
+            due += period + phase.correction(master.dc_time)
             wait = due - time.monotonic()
             if wait > 0:
                 time.sleep(wait)
