@@ -1,4 +1,4 @@
-//! Bus: the cycle in OP, which a bus task calls in real time, and a loop in simulated time.
+//! Bus: the cycle in SAFEOP and OP, which a bus task calls in real time, and a loop in simulated time.
 //!
 //! ```text
 //! SYNC0          SYNC0          inputs are latched and outputs taken over at SYNC0
@@ -10,24 +10,28 @@
 //! A lost frame is not sent again: the measurement ages, and more losses in a window than the table allows are a
 //! fault. Where no new command came for two periods, the safe command is sent: target velocity zero and valve shut;
 //! enabled drives brake with torque for the braking time of the table.
+//!
+//! A bus that was started in SAFEOP requests OP once a command enables drives.
 
 use crate::check::DeviceFacts;
-use crate::cycle_record::{CycleRecord, Exchange, number};
+use crate::cycle_record::{CycleRecord, Exchange, NO_STATE, number};
 use crate::drive::{Drive, Wanted};
 use crate::fault::{Fault, LossWindow};
 use crate::frame_ring::FrameRing;
+use crate::input_decoding::decode;
 use crate::link::Link;
 use crate::machine::{BusSide, FieldbusMachine, Taken, hand_over};
 use crate::pace::Pace;
-use crate::start_up::{Devices, StartError, al_text, to_init};
-use crate::table::{Invalid, MEASURED, Table};
+use crate::start_up::{
+    Devices, InitialState, OP, SAFE_OP, StartError, UNTIL_OP, al_text, request, to_init,
+};
+use crate::statistics::{Counters, Times};
+use crate::table::Table;
 use crate::time::now;
 use crate::wire::Wire;
-use ethercrab::subdevice_group::Op;
+use ethercrab::subdevice_group::SafeOp;
 use ethercrab::{RegisterAddress, SubDeviceState};
 use hydroboom_control::command::Command;
-use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
-use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_realtime::machine::{Delay, Incoming, Link as Attachment, Outgoing};
 use rtrb::{Consumer, Producer, RingBuffer};
 
@@ -35,72 +39,46 @@ use rtrb::{Consumer, Producer, RingBuffer};
 const COMMAND_PERIODS: u32 = 2;
 /// Time before the next exchange, or before the end of the period, at which the wait for an answer ends \[ns\].
 pub(crate) const MARGIN: u64 = 50_000;
-/// Upper end of the histograms; longer times are counted there \[ns\].
-const LONGEST: u64 = 1_000_000_000;
 /// Time constant of the exponential mean of delays \[commands\].
 const AVERAGED: f64 = 256.0;
 /// Capacity of the queue of records to the log: four seconds at 1 ms.
 const RECORDS: usize = 4096;
-/// State OP in records.
-const OP: u8 = 8;
 /// Longest wait at the end of the bus for drives to switch off, after their braking time \[ns\].
 const UNTIL_OFF: u64 = 500_000_000;
-/// Signals of an axis; the measured signal after them is the valve's position switch.
-const SIGNALS: usize = MEASURED.len() - 1;
 
-/// Counters since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Cycles.
-    pub cycles: u64,
-    /// Exchanges.
-    pub exchanges: u64,
-    /// Exchanges whose frame did not come back in time.
-    pub lost: u64,
-    /// Exchanges that came back with a working counter that is not the expected one.
-    pub low: u64,
-    /// Received frames that answer no pending exchange: late, repeated, or of another sender.
-    pub unexpected: u64,
-    /// Cycles in which no new command had come.
-    pub without_command: u64,
-    /// Exchanges with outputs that passed the reference clock after the SYNC0 that was to take them over.
-    pub late_outputs: u64,
-    /// Exchanges that this computer began more than half a period late.
-    pub late_begins: u64,
-    /// Records of cycles that were dropped, as the queue to the log was full.
-    pub records_lost: u64,
-    /// Cycles in which a drive showed a warning (statusword bit 7).
-    pub warnings: u64,
-    /// Cycles in which a drive showed an active limit (statusword bit 11).
-    pub limits: u64,
+/// Transition of the devices from SAFEOP to OP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Transition {
+    /// The devices are in SAFEOP.
+    SafeOp,
+    /// OP is to be requested.
+    Due,
+    /// OP was requested at a time \[ns\].
+    Requested(u64),
+    /// All devices have reached OP.
+    Op,
 }
 
-/// Distribution of times \[ns\].
-pub type Histogram = hdrhistogram::Histogram<u64>;
-
-/// Distributions of times since the start.
-#[derive(Clone, Debug)]
-pub struct Times {
-    /// Time by which outputs pass the reference clock before the SYNC0 that takes them over, by that clock \[ns\].
-    pub margin: Histogram,
-    /// From the sending of a frame to its return, by this computer's clock \[ns\].
-    pub round_trip: Histogram,
-}
-
-impl Times {
-    /// Empty histograms; none where memory is short.
-    pub(crate) fn new() -> Option<Self> {
-        let empty = Histogram::new_with_bounds(1, LONGEST, 3).ok()?;
-        Some(Self { margin: empty.clone(), round_trip: empty })
+impl Transition {
+    /// Whether a device may be in a state.
+    fn allows(self, state: u8) -> bool {
+        match self {
+            Self::SafeOp | Self::Due => state == SAFE_OP,
+            Self::Requested(_) => state == SAFE_OP || state == OP,
+            Self::Op => state == OP,
+        }
     }
 }
 
-/// A bus in OP.
+/// A bus in SAFEOP or OP.
 pub struct Bus<L> {
     table: Table,
     facts: Vec<DeviceFacts>,
     wire: Wire<L>,
-    group: Devices<Op>,
+    /// Devices; the type stays that of the state in which the exchange of process data began.
+    group: Devices<SafeOp>,
+    initial_state: InitialState,
+    transition: Transition,
     pace: Pace,
     inputs: Vec<Vec<u8>>,
     outputs: Vec<Vec<u8>>,
@@ -120,9 +98,9 @@ pub struct Bus<L> {
     lost: LossWindow,
     low: LossWindow,
     /// Losses and SYNC0 of this cycle.
-    cycle: Seen,
+    cycle: CycleStatus,
     counters: Counters,
-    /// A device that left OP, whose AL status code is still to be read.
+    /// A device that left its state, or did not reach OP, whose AL status code is still to be read.
     dropped: Option<u16>,
     /// Whether drives are being switched off for good.
     is_ending: bool,
@@ -135,7 +113,7 @@ pub struct Bus<L> {
 
 /// Losses, wrong working counters and SYNC0 of a cycle's exchanges.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct CycleStatus {
     is_lost: bool,
     is_low: bool,
     /// SYNC0 before the first exchange that came back, by the devices' clock \[ns\].
@@ -152,10 +130,12 @@ impl<L> std::fmt::Debug for Bus<L> {
 }
 
 impl<L: Link> Bus<L> {
+    /// A bus whose devices have reached a state and exchange process data.
     pub(crate) fn running(
+        initial_state: InitialState,
         table: Table,
         wire: Wire<L>,
-        group: Devices<Op>,
+        group: Devices<SafeOp>,
         pace: Pace,
         facts: Vec<DeviceFacts>,
         times: Times,
@@ -180,6 +160,11 @@ impl<L: Link> Bus<L> {
             facts,
             wire,
             group,
+            initial_state,
+            transition: match initial_state {
+                InitialState::SafeOp => Transition::SafeOp,
+                InitialState::Op => Transition::Op,
+            },
             pace,
             side,
             machine: Some(machine),
@@ -189,7 +174,7 @@ impl<L: Link> Bus<L> {
             delay: None,
             times,
             fault: None,
-            cycle: Seen::default(),
+            cycle: CycleStatus::default(),
             counters: Counters::default(),
             dropped: None,
             is_ending: false,
@@ -271,7 +256,7 @@ impl<L: Link> Bus<L> {
     /// Waits until the first exchange of a cycle is due, exchanges frames, and publishes the measurement.
     pub fn measure(&mut self) {
         self.counters.cycles += 1;
-        self.cycle = Seen::default();
+        self.cycle = CycleStatus::default();
         let (due, is_only) = (self.pace.next_exchange(), self.table.bus.exchanges == 1);
         self.wire.link.wait(due);
         if is_only {
@@ -280,9 +265,10 @@ impl<L: Link> Bus<L> {
         let counts = self.exchange(due, is_only);
         self.side.show_sync0(self.pace.in_cycle(0));
         // before the drives' inputs are evaluated: a drive that left OP reports a fault for it
-        self.read_reason();
+        self.read_status_code();
+        self.request_op();
         if counts {
-            self.look_at_drives();
+            self.evaluate_drives();
             self.publish();
         }
     }
@@ -296,7 +282,7 @@ impl<L: Link> Bus<L> {
             self.decide();
             self.exchange(due, true);
         }
-        let Seen { is_lost, is_low, .. } = self.cycle;
+        let CycleStatus { is_lost, is_low, .. } = self.cycle;
         if self.lost.take(is_lost) {
             self.stop(Fault::FramesLost);
         }
@@ -345,8 +331,8 @@ impl<L: Link> Bus<L> {
     ///
     /// [`StartError`], which says what to do.
     pub fn restart_by_a_person(self) -> Result<Self, StartError> {
-        let Self { table, wire, side, machine, records, .. } = self;
-        let mut bus = Self::start_on(table, wire)?;
+        let Self { initial_state, table, wire, side, machine, records, .. } = self;
+        let mut bus = Self::start_on(initial_state, table, wire)?;
         // the control task keeps its machine, and the log its queue
         (bus.side, bus.machine, bus.records) = (side, machine, records);
         Ok(bus)
@@ -395,15 +381,21 @@ impl<L: Link> Bus<L> {
             self.counters.low += 1;
             self.cycle.is_low = true;
         }
+        let is_late =
+            matches!(self.transition, Transition::Requested(since) if now() - since > UNTIL_OP);
         for (device, state) in (0..).zip(&answer.subdevice_states) {
-            match state {
-                SubDeviceState::Op => {}
+            let state = number(*state);
+            if state == NO_STATE {
                 // no device filled in the datagram; one frame alone is no fault, and its working counter is low, too
-                SubDeviceState::None => self.silent(device),
-                _ => {
-                    self.dropped = self.dropped.or(Some(device));
-                }
+                self.device_silent(device);
+            } else if !self.transition.allows(state) || is_late && state != OP {
+                self.dropped = self.dropped.or(Some(device));
             }
+        }
+        if matches!(self.transition, Transition::Requested(_))
+            && answer.is_in_state(SubDeviceState::Op)
+        {
+            self.transition = Transition::Op;
         }
         if self.cycle.is_low {
             return false;
@@ -444,14 +436,14 @@ impl<L: Link> Bus<L> {
     }
 
     /// A device did not answer: a fault where this loss exceeds the limit of the window.
-    fn silent(&mut self, device: u16) {
+    fn device_silent(&mut self, device: u16) {
         if self.low.is_used_up() {
             self.stop(Fault::DeviceSilent { device });
         }
     }
 
-    /// A device left OP: its AL status code is read once, and the machine stops.
-    fn read_reason(&mut self) {
+    /// A device left its state, or did not reach OP: its AL status code is read once, and the machine stops.
+    fn read_status_code(&mut self) {
         let Some(device) = self.dropped.take() else { return };
         if self.fault.is_some() {
             return;
@@ -466,11 +458,11 @@ impl<L: Link> Bus<L> {
         self.stop(Fault::StateDropped { device, code });
     }
 
-    fn look_at_drives(&mut self) {
+    fn evaluate_drives(&mut self) {
         let mut found = None;
         for drive in &mut self.drives {
-            let seen = drive.see(&self.inputs[drive.row.device]);
-            found = found.or(seen);
+            let fault = drive.evaluate(&self.inputs[drive.row.device]);
+            found = found.or(fault);
             self.counters.warnings +=
                 u64::from(drive.statusword() & crate::cia402::status_bit::WARNING != 0);
             self.counters.limits +=
@@ -487,43 +479,21 @@ impl<L: Link> Bus<L> {
         self.wire.frames.freeze(true);
     }
 
+    /// Requests OP where it is due; a request that is lost is repeated in the next cycle.
+    fn request_op(&mut self) {
+        if self.transition == Transition::Due {
+            let end = self.pace.in_cycle(self.table.bus.period - MARGIN);
+            if request(&mut self.wire, OP, end) {
+                self.transition = Transition::Requested(now());
+            }
+        }
+    }
+
     /// Publishes the measurement to the control task.
     fn publish(&mut self) {
         self.number += 1;
-        let mut signals = [[f64::NAN; SIGNALS]; AXES];
-        let mut validity = [[Validity::Absent; SIGNALS]; AXES];
-        let mut valve = None;
-        for row in &self.table.measured {
-            let Some(inputs) = self.inputs.get(row.place.device) else { continue };
-            let value = row.scale.value(row.scale.kind.number(row.place.read(inputs)));
-            let invalid =
-                row.invalid.iter().filter(|(bits, _)| bits.is_set(inputs)).map(|(_, what)| what);
-            let is = invalid.fold(
-                if row.scale.has(value) { Validity::Good } else { Validity::OutOfRange },
-                |is, what| match (is, what) {
-                    (Validity::Absent, _) | (_, Invalid::Absent) => Validity::Absent,
-                    (_, Invalid::OutOfRange) => Validity::OutOfRange,
-                },
-            );
-            if row.signal == SIGNALS {
-                let state = if value > 0.5 { ValveState::Open } else { ValveState::Shut };
-                valve = (is == Validity::Good).then_some(state);
-            } else if let (Some(signals), Some(validity)) =
-                (signals.get_mut(row.axis), validity.get_mut(row.axis))
-            {
-                signals[row.signal] = value;
-                validity[row.signal] = is;
-            }
-        }
-        let axis = |k: usize| AxisMeasurement {
-            signals: AxisSignals::from_array(signals[k]),
-            validity: AxisSignals::from_array(validity[k]),
-        };
-        let measurement = Measurement {
-            number: self.number,
-            time: self.pace.system as f64 * 1e-9,
-            axes: std::array::from_fn(axis),
-        };
+        let time = self.pace.system as f64 * 1e-9;
+        let (measurement, valve) = decode(&self.table, &self.inputs, self.number, time);
         let link = Attachment {
             lost: self.counters.cycles - self.number,
             dropped: self.wire.unexpected,
@@ -550,6 +520,9 @@ impl<L: Link> Bus<L> {
             if !is_finite {
                 self.stop(Fault::CommandsStopped);
             } else if self.command.is_some() || outgoing.is_safe() {
+                if outgoing.is_enabled && self.transition == Transition::SafeOp {
+                    self.transition = Transition::Due;
+                }
                 self.command = Some((outgoing, 0));
                 self.answers = Some(answers).filter(|sampled| *sampled > 0);
             }
@@ -575,13 +548,18 @@ impl<L: Link> Bus<L> {
             return;
         }
         let Some((fault, _)) = self.fault else { return };
-        let is_away = self.record.states.iter().take(self.facts.len()).any(|state| *state != OP);
+        let mut states = self.record.states.iter().take(self.facts.len());
+        let is_away = states.any(|state| !self.transition.allows(*state));
         if is_away || matches!(fault, Fault::StateDropped { .. } | Fault::DeviceSilent { .. }) {
             self.is_restart_due = true;
             return;
         }
         self.fault = None;
         self.wire.frames.freeze(false);
+        if self.transition == Transition::SafeOp {
+            // drives take a fault reset in OP only
+            self.transition = Transition::Due;
+        }
         // commands are ignored until the next one at rest
         self.command = None;
         self.lost.clear();

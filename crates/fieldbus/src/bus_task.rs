@@ -4,13 +4,14 @@
 //! which uses atomics only. The devices' watchdogs expire where frames stop, so the thread that starts the devices
 //! also runs the cycle.
 
-use crate::bus::{Bus, Counters, Times};
+use crate::bus::Bus;
 use crate::check::DeviceFacts;
 use crate::cycle_record::CycleRecord;
 use crate::fault::Fault;
 use crate::link::Link;
 use crate::machine::FieldbusMachine;
-use crate::start_up::StartError;
+use crate::start_up::{InitialState, StartError};
+use crate::statistics::{Counters, Times};
 use crate::table::Table;
 use crate::time::now;
 use hydroboom_realtime::failure::{guarded, hand_panics_on};
@@ -44,7 +45,7 @@ pub struct BusReport {
     pub remarks: Vec<String>,
 }
 
-/// A bus in OP.
+/// A bus that has started.
 #[derive(Debug)]
 pub struct Started {
     /// Thread of the bus task.
@@ -57,7 +58,7 @@ pub struct Started {
     pub records: Consumer<CycleRecord>,
 }
 
-/// A bus in OP, in a thread of its own. Dropped, it ends the bus.
+/// A bus in a thread of its own. Dropped, it ends the bus.
 #[derive(Debug)]
 pub struct BusThread {
     stop: Arc<AtomicBool>,
@@ -65,16 +66,17 @@ pub struct BusThread {
     thread: Option<JoinHandle<Option<BusReport>>>,
 }
 
-/// What the thread of a bus hands over once it is in OP.
+/// Data that the thread of a bus hands over once it has started.
 type HandOver = Result<(FieldbusMachine, Vec<DeviceFacts>, Consumer<CycleRecord>), StartError>;
 
 impl BusThread {
-    /// Starts the bus of a table on a link, in a thread on a core; returns once it is in OP.
+    /// Starts the bus of a table on a link, in a thread on a core; returns once its devices have reached a state.
     ///
     /// # Errors
     ///
     /// [`StartError`], which says what to do.
     pub fn start<L: Link + Send + 'static>(
+        state: InitialState,
         table: Table,
         link: L,
         core: usize,
@@ -83,7 +85,7 @@ impl BusThread {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let (started, answer) = channel();
-        let thread = thread::spawn(move || run(table, link, core, &stopped, &started));
+        let thread = thread::spawn(move || run(state, table, link, core, &stopped, &started));
         match answer.recv() {
             Ok(Ok((machine, facts, records))) => {
                 Ok(Started { thread: Self { stop, thread: Some(thread) }, machine, facts, records })
@@ -118,6 +120,7 @@ impl Drop for BusThread {
 
 /// The bus task; none where the bus did not start.
 fn run<L: Link>(
+    state: InitialState,
     table: Table,
     link: L,
     core: usize,
@@ -125,7 +128,7 @@ fn run<L: Link>(
     started: &Sender<HandOver>,
 ) -> Option<BusReport> {
     let mut remarks = prepare("the bus task", core, PRIORITY);
-    let mut bus = match Bus::start(table, link) {
+    let mut bus = match Bus::start_in(state, table, link) {
         Ok(bus) => bus,
         Err(error) => {
             // the send fails where the starting thread has ended

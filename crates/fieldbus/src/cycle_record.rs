@@ -76,10 +76,13 @@ pub struct Exchange {
     pub working_counter: Option<u16>,
 }
 
+/// Number of a device that filled in no state.
+pub(crate) const NO_STATE: u8 = 0;
+
 /// AL state as a number.
 pub(crate) fn number(state: SubDeviceState) -> u8 {
     match state {
-        SubDeviceState::None => 0,
+        SubDeviceState::None => NO_STATE,
         SubDeviceState::Init => 1,
         SubDeviceState::PreOp => 2,
         SubDeviceState::Bootstrap => 3,

@@ -52,7 +52,7 @@ impl Drive {
     }
 
     /// Evaluates its inputs; returns a fault if it has one.
-    pub(crate) fn see(&mut self, inputs: &[u8]) -> Option<Fault> {
+    pub(crate) fn evaluate(&mut self, inputs: &[u8]) -> Option<Fault> {
         let row = &self.row;
         let device = row.device as u16;
         self.statusword = row.statusword.read(inputs) as u16;
@@ -158,13 +158,13 @@ mod tests {
         for (word, mode) in [(0x1037, 9), (0x0237, 9), (0x1237, 8)] {
             let mut drive = drive();
             let found =
-                (0..=MAY_IGNORE).map(|_| drive.see(&inputs(word, mode))).collect::<Vec<_>>();
+                (0..=MAY_IGNORE).map(|_| drive.evaluate(&inputs(word, mode))).collect::<Vec<_>>();
             let (last, before) = found.split_last().unwrap();
             assert!(before.iter().all(Option::is_none), "{word:#06x}");
             assert_eq!(*last, Some(Fault::TargetIgnored { device: 3 }), "{word:#06x}");
         }
         let mut drive = drive();
-        assert!((0..2 * MAY_IGNORE).all(|_| drive.see(&inputs(0x1237, 9)).is_none()));
+        assert!((0..2 * MAY_IGNORE).all(|_| drive.evaluate(&inputs(0x1237, 9)).is_none()));
     }
 
     #[test]
@@ -174,7 +174,7 @@ mod tests {
             [(0x0250, false), (0x0231, false), (0x0233, false), (0x1237, true)]
         {
             let mut drive = drive();
-            drive.see(&inputs(word, 9));
+            drive.evaluate(&inputs(word, 9));
             drive.command(&mut outputs, Wanted::Operation, -5);
             let target = PLACE(16, 32).read(&outputs) as u32 as i32;
             assert_eq!(target, if is_enabled { -5 } else { 0 }, "{word:#06x}");
@@ -186,16 +186,16 @@ mod tests {
     fn switching_off_is_no_fault_and_brakes_an_enabled_drive_only() {
         let mut outputs = [0; 7];
         let mut drive = drive();
-        drive.see(&inputs(0x1237, 9));
+        drive.evaluate(&inputs(0x1237, 9));
         drive.command(&mut outputs, Wanted::Braking, 0);
         assert_eq!(outputs[0], 0x0f, "it keeps its power");
         drive.command(&mut outputs, Wanted::Off, 0);
-        assert_eq!(drive.see(&inputs(0x0231, 9)), None);
+        assert_eq!(drive.evaluate(&inputs(0x0231, 9)), None);
         drive.command(&mut outputs, Wanted::Braking, 0);
         assert_eq!(outputs[0], 0x06, "it is not enabled anew");
         // switching off by itself is a fault
-        drive.see(&inputs(0x1237, 9));
+        drive.evaluate(&inputs(0x1237, 9));
         drive.command(&mut outputs, Wanted::Operation, 0);
-        assert_eq!(drive.see(&inputs(0x0250, 9)), Some(Fault::DriveDisabled { device: 3 }));
+        assert_eq!(drive.evaluate(&inputs(0x0250, 9)), Some(Fault::DriveDisabled { device: 3 }));
     }
 }

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! [`Table::parse`](table::Table::parse) reads the table of devices and signals; [`Bus::start`](bus::Bus::start)
-//! brings the devices to OP; a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
+//! brings the devices to SAFEOP or OP; a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
 //! [`Bus::act`](bus::Bus::act). The control task has a [`FieldbusMachine`](machine::FieldbusMachine). Frames go over
 //! a [`Link`](link::Link); [`time`] is the system's monotonic clock, or simulated. [`diagnosis`] finds out why a bus
 //! does not run.
@@ -27,10 +27,12 @@ pub mod bus_task;
 pub mod check;
 pub mod cia402;
 pub mod cycle_record;
+mod device_configuration;
 pub mod diagnosis;
 mod drive;
 pub mod fault;
 pub mod frame_ring;
+mod input_decoding;
 pub mod interface;
 pub mod link;
 pub mod machine;
@@ -38,6 +40,7 @@ mod pace;
 pub mod raw_socket;
 mod sii;
 pub mod start_up;
+pub mod statistics;
 pub mod table;
 pub mod time;
 mod wire;

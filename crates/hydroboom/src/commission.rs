@@ -12,6 +12,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_fieldbus::bus_task::{BusThread as FieldbusThread, Started};
+use hydroboom_fieldbus::start_up::InitialState;
 use hydroboom_realtime::commissioning::finding::Outcome;
 use hydroboom_realtime::commissioning::record::{self, Basis};
 use hydroboom_realtime::commissioning::sequence::Sequence;
@@ -129,7 +130,7 @@ impl Commission {
                 attend(&person)?;
                 let about = table.clone();
                 let core = Placement::default().control_core;
-                let started = FieldbusThread::start(table, socket, core).into_diagnostic()?;
+                let started = FieldbusThread::start(InitialState::SafeOp, table, socket, core).into_diagnostic()?;
                 let Started { thread, machine, facts, .. } = started;
                 let basis = of_bus(&model, &about, &facts);
                 let ran = consent(&basis).and_then(|()| {

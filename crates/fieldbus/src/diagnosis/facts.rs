@@ -1,7 +1,7 @@
 //! Facts of a bus, as read from registers and objects of its devices.
 
-use crate::bus::Histogram;
 use crate::check::DeviceFacts;
+use crate::statistics::Histogram;
 
 /// Ports of a device.
 pub const PORTS: usize = 4;

@@ -1,11 +1,12 @@
 //! Listening: frames as in operation while devices are in SAFEOP, and their times.
 
 use super::facts::{Listening, Percentiles};
-use crate::bus::{MARGIN, Times};
+use crate::bus::MARGIN;
 use crate::fault::LossWindow;
 use crate::link::Link;
 use crate::pace::Pace;
 use crate::start_up::{Devices, settle};
+use crate::statistics::Times;
 use crate::table::Table;
 use crate::time::now;
 use crate::wire::Wire;

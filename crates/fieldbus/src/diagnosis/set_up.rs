@@ -4,10 +4,9 @@ use super::facts::{BusFacts, SetUp, SyncManager};
 use super::listening::listen;
 use super::scan;
 use crate::check::{DeviceFacts, mismatches};
+use crate::device_configuration::{configure, optional};
 use crate::link::Link;
-use crate::start_up::{
-    Devices, MOST_DEVICES, identities_fit, identity, optional, prepare_device, with_clocks,
-};
+use crate::start_up::{Devices, MOST_DEVICES, identities_fit, identity, with_clocks};
 use crate::table::Table;
 use crate::time::now;
 use crate::wire::Wire;
@@ -67,7 +66,7 @@ pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusF
     for (position, row) in table.devices.iter().enumerate() {
         let Ok(device) = group.subdevice(main, position) else { return };
         let is_drive = table.drives.iter().any(|drive| drive.device == position);
-        match prepare_device(wire, &device, row, is_drive) {
+        match configure(wire, &device, row, is_drive) {
             Ok(facts) => bus.devices[position] = facts,
             Err((what, trouble)) => bus.failed.push((position, what, trouble.to_string())),
         }

@@ -4,8 +4,10 @@ use crate::bench::{Behind, SimulatedLink, segment, table};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_device_simulator::applications::SAFE_TORQUE_OFF;
+use hydroboom_device_simulator::device::State;
 use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::check::DeviceFacts;
+use hydroboom_fieldbus::start_up::InitialState;
 use hydroboom_realtime::commissioning::finding::Outcome;
 use hydroboom_realtime::commissioning::sequence::{Action, Now, Sequence};
 use hydroboom_realtime::commissioning::settings::Settings;
@@ -32,13 +34,17 @@ fn commissioned() -> (Sequence, f64) {
     let stroke = || behind.borrow().crane.as_ref().unwrap().truth().outputs.stroke;
     let begin = stroke();
     let link = SimulatedLink::new(segment(&behind, |_, _| {}));
-    let mut bus = Bus::start(table(|_| {}), link).unwrap();
+    let mut bus = Bus::start_in(InitialState::SafeOp, table(|_| {}), link).unwrap();
     let mut machine = bus.take_machine().unwrap();
     let settings = Settings { listening: 1.0, ..Settings::default() };
     let limits = limits(&model, settings.travel_speed).unwrap();
     let mut sequence = Sequence::new(limits, settings, !bus.facts().is_empty());
     let (mut number, mut asked, mut largest) = (0, 0, 0.0_f64);
     while !sequence.is_over() {
+        if matches!(sequence.step(), Step::Identity | Step::Listening) {
+            let devices = bus.link_mut().segment.devices_mut();
+            assert!(devices.iter().all(|device| device.state().0 == State::SafeOp));
+        }
         bus.measure();
         asked = if sequence.prompt().is_some() { asked + 1 } else { 0 };
         let is_due = asked % REACTION == REACTION - 1;

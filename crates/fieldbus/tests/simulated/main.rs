@@ -14,5 +14,6 @@ mod crane;
 mod diagnosis;
 mod faults;
 mod operation;
+mod safe_op;
 mod start_up;
 mod stopping;

@@ -13,6 +13,7 @@ use hydroboom_design::limits;
 use hydroboom_fieldbus::bus_task::{BusThread, Started};
 use hydroboom_fieldbus::link::Link;
 use hydroboom_fieldbus::raw_socket::RawSocket;
+use hydroboom_fieldbus::start_up::InitialState;
 use hydroboom_realtime::control_task::{ControlTask, Record};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
@@ -190,14 +191,19 @@ fn over_the_bus() {
         let (allocations, is_armed) = (Allocations::default(), Arc::new(AtomicBool::new(false)));
         let socket = RawSocket::open(BUS).unwrap();
         let link = CountedLink(socket, allocations.clone(), Arc::clone(&is_armed));
-        let Started { thread, machine, .. } =
-            BusThread::start(table.clone(), link, Placement::default().control_core).unwrap();
+        let Started { thread, machine, .. } = BusThread::start(
+            InitialState::Op,
+            table.clone(),
+            link,
+            Placement::default().control_core,
+        )
+        .unwrap();
         is_armed.store(true, Ordering::Release);
         course(Box::new(machine), "over the bus");
         let allocated = allocations.all.load(Ordering::Relaxed);
         let report = thread.end().unwrap();
         let shares = [0.001, 0.01, 0.5, 0.99, 0.999];
-        let us = |times: &hydroboom_fieldbus::bus::Histogram| {
+        let us = |times: &hydroboom_fieldbus::statistics::Histogram| {
             shares.map(|share| times.value_at_quantile(share) as f64 * 1e-3)
         };
         println!(

@@ -9,6 +9,7 @@ use hydroboom_fieldbus::bus_task::{BusReport, BusThread, Started};
 use hydroboom_fieldbus::check::DeviceFacts;
 use hydroboom_fieldbus::machine::MachineState;
 use hydroboom_fieldbus::raw_socket::RawSocket;
+use hydroboom_fieldbus::start_up::InitialState;
 use hydroboom_fieldbus::table::Table;
 use hydroboom_realtime::executive::Placement;
 use miette::{IntoDiagnostic, Result, miette};
@@ -59,22 +60,27 @@ pub fn open(interface: &str) -> Result<RawSocket> {
     RawSocket::open(interface).into_diagnostic()
 }
 
-/// Starts the bus at an open interface; returns it with its log. Refused if `demand` refuses the devices' identities.
+/// Starts the bus at an open interface in a state of its devices; returns it with its log. Refused if `demand` refuses the devices' identities.
 pub fn start(
     interface: &str,
     table: Table,
     socket: RawSocket,
+    state: InitialState,
     demand: impl FnOnce(&Table, &[DeviceFacts]) -> Result<()>,
 ) -> Result<(Attached, BusLog)> {
     let delay = table.bus.delay();
     let about = table.clone();
     let core = Placement::default().control_core;
-    let started = BusThread::start(table, socket, core).into_diagnostic()?;
+    let started = BusThread::start(state, table, socket, core).into_diagnostic()?;
     let Started { thread, machine, facts, records } = started;
     let names: Vec<&str> = facts.iter().map(|device| device.name.as_str()).collect();
     output::note(&format!(
-        "ethercat:{interface}: {} devices in OP ({}); from sampling to actuation {delay} {}",
+        "ethercat:{interface}: {} devices in {} ({}); from sampling to actuation {delay} {}",
         names.len(),
+        match state {
+            InitialState::SafeOp => "SAFEOP",
+            InitialState::Op => "OP",
+        },
         names.join(", "),
         if delay == 1 { "period" } else { "periods" }
     ));
@@ -97,7 +103,7 @@ const SHARES: [f64; 4] = [0.001, 0.01, 0.5, 0.99];
 /// For machines.
 pub fn json(report: &BusReport) -> Value {
     let BusReport { counters, working_counter, times, delay, fault, remarks, .. } = report;
-    let us = |histogram: &hydroboom_fieldbus::bus::Histogram| {
+    let us = |histogram: &hydroboom_fieldbus::statistics::Histogram| {
         let shares = SHARES.map(|share| 1e-3 * histogram.value_at_quantile(share) as f64);
         json!({ "p0.1": shares[0], "p1": shares[1], "p50": shares[2], "p99": shares[3] })
     };
@@ -133,7 +139,7 @@ pub fn text(report: &BusReport) -> String {
     for (what, count) in others.iter().filter(|(_, count)| *count > 0) {
         said += &format!(", {count} {what}");
     }
-    let us = |histogram: &hydroboom_fieldbus::bus::Histogram| {
+    let us = |histogram: &hydroboom_fieldbus::statistics::Histogram| {
         SHARES.map(|share| format!("{:.0}", 1e-3 * histogram.value_at_quantile(share) as f64))
     };
     let ([a, b, c, d], [e, f, g, h]) = (us(&times.margin), us(&times.round_trip));

@@ -30,6 +30,7 @@ use hydroboom_design::limits;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_design::stability::stability_of;
 use hydroboom_fieldbus::raw_socket::RawSocket;
+use hydroboom_fieldbus::start_up::InitialState;
 use hydroboom_fieldbus::table::Table;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
@@ -245,7 +246,9 @@ impl Run {
                 attend(&desk)?;
                 let tasks = cranes.control_and_simulation(begin)?;
                 let mut is_simulated = false;
-                let (attached, log) = bus::start(interface, table, socket, |table, facts| {
+                // nothing is commanded while listening, so that OP is not needed
+                let state = if self.listen { InitialState::SafeOp } else { InitialState::Op };
+                let (attached, log) = bus::start(interface, table, socket, state, |table, facts| {
                     let basis = of_bus(&cranes.model, table, facts);
                     is_simulated = basis.is_simulated;
                     self.demand(&basis)
