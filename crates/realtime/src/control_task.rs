@@ -74,6 +74,9 @@ pub struct ControlTask {
     tip_memory: TipMemory<f64>,
     /// Conditions of the simulated crane.
     conditions: Conditions,
+    /// Delay from command to actuation that the attachment measured while the load was held \[control periods\]; 0 where
+    /// it measures none.
+    command_delay: usize,
     /// Speed of the simulated crane's motor \[rev/s\].
     simulated_motor: f64,
     /// Remaining start offset \[m\].
@@ -123,6 +126,7 @@ impl ControlTask {
             decision: Decision::IDLE,
             strategy,
             fallback: None,
+            command_delay: 0,
             simulated_motor: 0.0,
             start_offset: 0.0,
             offset: 0.0,
@@ -172,6 +176,11 @@ impl ControlTask {
     /// Time without a command after which the drive stops by itself \[s\].
     pub fn watchdog(&self) -> f64 {
         self.supervisor.limits().watchdog
+    }
+
+    /// Delay from command to actuation for the simulated crane \[control periods\]; 0 where the attachment measures none.
+    pub fn command_delay(&self) -> usize {
+        self.command_delay
     }
 
     /// Motor speed of the simulated crane until the next period \[rev/s\]; none while the load is held.

@@ -26,7 +26,7 @@ use crate::trouble::Tampering;
 use control_thread::{Steering, steer_guarded};
 use hydroboom_control::supervision::supervisor::Decision;
 use rtrb::{Consumer, RingBuffer};
-use simulation_thread::{SIMULATED, Shown, Simulating, simulate_guarded, words};
+use simulation_thread::{ASKED, SIMULATED, Shown, Simulating, simulate_guarded, words};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
@@ -96,7 +96,7 @@ pub enum ExecutiveError {
 struct Between {
     simulated: Slot<SIMULATED>,
     /// Whether the simulated crane moves, its pump speed, and its conditions.
-    asked: Slot<4>,
+    asked: Slot<ASKED>,
     ended: AtomicBool,
     dropped: AtomicU64,
 }

@@ -21,6 +21,7 @@
 
 pub mod bus_task;
 pub mod campaign_cranes;
+pub mod command_delay;
 pub mod commissioning;
 pub mod conditions;
 pub mod control_task;

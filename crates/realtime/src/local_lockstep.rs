@@ -109,6 +109,7 @@ impl LocalLockstep {
         self.machine.write(self.periods, &Outgoing::of(&record.decision));
         self.bus.answer(clock);
         self.simulation.set_conditions(&self.control.conditions());
+        self.simulation.set_command_delay(self.control.command_delay());
         if let Some(speed) = self.control.simulated_motor() {
             (0..self.steps).for_each(|_| self.simulation.step(speed));
         }

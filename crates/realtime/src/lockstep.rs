@@ -203,6 +203,7 @@ impl Lockstep {
         });
         operator.see(&record.decision);
         self.simulation.set_conditions(&self.control.conditions());
+        self.simulation.set_command_delay(self.control.command_delay());
         self.record = Some(record);
         self.move_machine(Some(record.decision.command), disturbance)?;
         Ok(record)

@@ -120,6 +120,7 @@ pub fn replay(
         });
         state = record.decision.state;
         simulation.set_conditions(&control.conditions());
+        simulation.set_command_delay(control.command_delay());
         if let Some(speed) = control.simulated_motor() {
             (0..steps).for_each(|_| simulation.step(speed));
         }

@@ -1,5 +1,6 @@
 //! Simulation of the crane beside the machine, in steps of 50 us.
 
+use crate::command_delay::CommandDelay;
 use crate::conditions::Conditions;
 use hydroboom_control::controller::{AxisState, SimulatedState};
 use hydroboom_description::{BuildError, Description};
@@ -64,6 +65,9 @@ pub struct SimulationTask {
     wanted: Conditions,
     simulation: Simulation<3>,
     simulated: Simulated,
+    command_delay: CommandDelay,
+    /// Integration steps of a control period.
+    steps_per_period: usize,
 }
 
 impl SimulationTask {
@@ -83,12 +87,16 @@ impl SimulationTask {
             wanted: at.conditions,
             simulation,
             simulated: Simulated::default(),
+            command_delay: CommandDelay::default(),
+            // the period is a multiple of the step, as the description checks
+            steps_per_period: (model.numbers.control_period / step).round() as usize,
         };
         task.look();
         Ok(task)
     }
 
-    /// Executes one integration step with the given pump speed \[rev/s\].
+    /// Executes one integration step with the newest command of the pump's speed \[rev/s\], which acts after the delay
+    /// that is set.
     pub fn step(&mut self, pump_speed: f64) {
         if self.simulated.failed {
             return;
@@ -96,6 +104,7 @@ impl SimulationTask {
         if self.conditions.differ(&self.wanted) {
             self.take_on();
         }
+        let pump_speed = self.command_delay.pass(pump_speed);
         match self.simulation.advance(&Input { pump_speed, holding_valve: 1.0 }, 1) {
             Ok(()) => {
                 self.simulated.steps += 1;
@@ -108,6 +117,12 @@ impl SimulationTask {
     /// Sets the payload and the oil that the simulated crane approaches while it moves.
     pub fn set_conditions(&mut self, now: &Conditions) {
         self.wanted = *now;
+    }
+
+    /// Sets the delay from command to actuation at the machine \[control periods\], so that the simulated crane is in step
+    /// with the machine. At most 20 periods of 20 steps.
+    pub fn set_command_delay(&mut self, periods: usize) {
+        self.command_delay.set(periods.saturating_mul(self.steps_per_period));
     }
 
     /// Moves the conditions one step towards those set. It takes 0.1 us.
@@ -124,6 +139,7 @@ impl SimulationTask {
         if self.simulation.set_state(at.state).is_ok() {
             self.simulation.set_crane(at.crane);
             self.conditions = at.conditions;
+            self.command_delay.clear();
             self.simulated.failed = false;
             self.simulated.epoch += 1;
             self.look();
@@ -147,5 +163,36 @@ impl SimulationTask {
     /// Present state of the simulated crane.
     pub fn simulated(&self) -> Simulated {
         self.simulated
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delayed_simulation_equals_one_with_the_commands_of_the_delay_before() {
+        let model = Description::uia_single_boom().unwrap();
+        let mut prompt = SimulationTask::new(&model, 0.2).unwrap();
+        let mut delayed = prompt.clone();
+        delayed.set_command_delay(2);
+        let speed = |step: usize| if step < 200 { 3.0 } else { 3.0 - 1e-3 * (step - 200) as f64 };
+        let steps = 2 * delayed.steps_per_period;
+        let mut strokes = Vec::new();
+        for step in 0..2000 {
+            // the first command acts from the start on, so that both begin alike
+            prompt.step(speed(step));
+            delayed.step(speed(step));
+            strokes.push([prompt.simulated().axis().stroke, delayed.simulated().axis().stroke]);
+        }
+        assert_eq!(strokes[199], [strokes[199][0]; 2]);
+        let moved = strokes[1999][0] - strokes[1999][1];
+        assert!(moved.abs() > 1e-6, "{moved}");
+        // stepped with the commands of two periods before, it is the same to the last bit
+        let mut late = SimulationTask::new(&model, 0.2).unwrap();
+        for (step, stroke) in strokes.iter().enumerate() {
+            late.step(speed(step.saturating_sub(steps)));
+            assert_eq!(late.simulated().axis().stroke, stroke[1]);
+        }
     }
 }

@@ -15,15 +15,19 @@ impl ControlTask {
     /// strategy.
     pub(super) fn estimate(&mut self) {
         let measurement = self.judged();
+        // delays come from the attachment if it measures them; they are constant while the load moves
+        let is_held = self.decision.is_at_rest();
+        let delay =
+            self.link.and_then(|link| link.delay).filter(|_| is_held).map(|delay| delay.cycles());
+        if let Some([_, command]) = delay {
+            self.command_delay = command;
+        }
         // the filter is initialised from the first measurement
         let Some(controller) = self.scheduled_lqr.as_mut().filter(|_| measurement.number > 0)
         else {
             return;
         };
-        // delays come from the attachment if it measures them; they are constant while the load moves
-        let is_held = self.decision.is_at_rest();
-        if let Some(delay) = self.link.and_then(|link| link.delay).filter(|_| is_held) {
-            let [measurement, command] = delay.cycles();
+        if let Some([measurement, command]) = delay {
             controller.set_delays(measurement, command);
         }
         match self.decision.controls {

@@ -1,7 +1,7 @@
 //! Thread of the control task: its cycle, and the load held after a failure.
 
 use super::Between;
-use super::simulation_thread::{Shown, from_words};
+use super::simulation_thread::{ASKED, Shown, from_words};
 use crate::conditions::Conditions;
 use crate::control_task::{ControlTask, Deadlines, Period, Record};
 use crate::course::Course;
@@ -72,7 +72,7 @@ fn hold(
     };
     let mut is_heard = shut();
     // the simulation stops
-    between.asked.publish([0; 4]);
+    between.asked.publish([0; ASKED]);
     // an error means that the receiver has ended
     let _ = failures.send(Failure::Control(why));
     let decision = Decision {
@@ -187,7 +187,8 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
         let Conditions { payload, transition_pressure } = task.conditions();
         let [speed, payload, transition_pressure] =
             [pump.unwrap_or(0.0), payload, transition_pressure].map(f64::to_bits);
-        between.asked.publish([u64::from(pump.is_some()), speed, payload, transition_pressure]);
+        let (moves, delay) = (u64::from(pump.is_some()), task.command_delay() as u64);
+        between.asked.publish([moves, delay, speed, payload, transition_pressure]);
         if records.push(record).is_err() {
             between.dropped.fetch_add(1, Ordering::Relaxed);
         }

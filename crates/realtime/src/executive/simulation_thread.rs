@@ -24,6 +24,9 @@ pub(super) struct Shown {
     pub(super) missed: u64,
 }
 
+/// Number of words of the control task's request to the simulation: whether it moves, delay of commands \[control
+/// periods\], motor speed, payload and transition pressure.
+pub(super) const ASKED: usize = 5;
 /// Number of words that carry the simulation's state to the control task.
 pub(super) const SIMULATED: usize = 12;
 
@@ -111,10 +114,11 @@ fn simulate(with: &mut Simulating, between: &Between) {
             if let Ok(at) = states.pop() {
                 task.synchronise(&at);
             }
-            if let Some((_, [moves, numbers @ ..])) = between.asked.read() {
+            if let Some((_, [moves, delay, numbers @ ..])) = between.asked.read() {
                 let [speed, payload, transition_pressure] = numbers.map(f64::from_bits);
                 pump = (moves == 1).then_some(speed);
                 task.set_conditions(&Conditions { payload, transition_pressure });
+                task.set_command_delay(usize::try_from(delay).unwrap_or(usize::MAX));
             }
             if let Some(speed) = pump {
                 task.step(speed);
