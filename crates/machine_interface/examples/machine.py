@@ -1,10 +1,12 @@
 """A machine over the local interface (docs/reference/machine-interface.md): the simulated crane of the C library, with a watchdog of its own.
-    python3 machine.py LIBRARY PORT [--simulated-time]"""
-import ctypes, math, select, socket, struct, sys, time, zlib
+    python3 machine.py LIBRARY PORT [--simulated-time]
+SIGUSR1 opens its stop circuit, and closes it again."""
+import ctypes, math, select, signal, socket, struct, sys, time, zlib
 
 PERIOD_NS, WATCHDOG, GIVEN_UP = 1_000_000, 20, 1000  # the last two in periods without a command
 HELLO, MEASUREMENT, COMMAND = 1, 2, 3
-READY, ENABLED, SHUT, OPEN, SIMULATED_MACHINE = 2, 3, 1, 2, 1
+READY, ENABLED, FAULT, SHUT, OPEN, SIMULATED_MACHINE = 2, 3, 4, 1, 2, 1
+STOP_CIRCUIT_OPEN = 1  # fault code
 HEAD = struct.Struct("<4sHBBH6xQQQQ")  # magic, version, kind, axes, length, session, sequence, received, clock
 
 live = ctypes.CDLL(sys.argv[1])
@@ -18,6 +20,15 @@ seen = (ctypes.c_double * 64)()
 wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 wire.connect(("127.0.0.1", int(sys.argv[2])))  # what others send is not received
 is_simulated = "--simulated-time" in sys.argv[3:]
+is_open = False
+
+
+def switch_stop_circuit(*_):
+    global is_open
+    is_open = not is_open
+
+
+signal.signal(signal.SIGUSR1, switch_stop_circuit)
 
 
 def put(kind, body, session=0, sequence=0, received=0, clock=0):
@@ -53,13 +64,14 @@ while silent < GIVEN_UP:
     live.hydroboom_read(crane, seen, 64)
     stroke, _, *pressures = seen[:7]
     clock, number, is_new = round(live.hydroboom_time(crane) * 1e9), number + 1, False
-    head = struct.pack("<QBxH4x", clock, ENABLED if enabled else READY, 0)
+    state = (FAULT, STOP_CIRCUIT_OPEN) if is_open else (ENABLED if enabled else READY, 0)
+    head = struct.pack("<QBxH4x", clock, *state)
     axis = struct.pack("<7d7BB", stroke, *pressures, speed, *7 * [0], OPEN if valve > 0.5 else SHUT)
     put(MEASUREMENT, head + axis, session, number, received, clock)
     release += PERIOD_NS
     while not is_new or not is_simulated:
         wait_s = (0.001 if silent else 0.5) if is_simulated else (release - time.monotonic_ns()) * 1e-9
-        came = take(COMMAND, wait_s) if wait_s > 0.0 else None
+        came = take(COMMAND, max(wait_s, 0.0))  # late: what has come meanwhile
         if came and came[0] == session and came[1] > received and all(map(math.isfinite, struct.unpack("<8x2d", came[2]))):
             received, is_new = came[1], True
             enabled, *command = struct.unpack("<B7x2d", came[2])
@@ -67,7 +79,7 @@ while silent < GIVEN_UP:
             break
     silent = 0 if is_new else silent + 1
     last_mm = stroke * 1e3 if is_new and not is_held else last_mm
-    if silent > WATCHDOG:
+    if silent > WATCHDOG or is_open:
         is_held = True  # until the controller holds the load itself
     elif tuple(command) == (0.0, 0.0):
         is_held = False

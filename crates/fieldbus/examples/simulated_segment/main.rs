@@ -7,11 +7,14 @@
 //! cargo run --release -p hydroboom-fieldbus --example simulated_segment -- --interface bus1 --table bus.toml &
 //! hydroboom run --machine ethercat:bus0 --bus bus.toml
 //! ```
+//!
+//! A line `open` on standard input opens the stop circuit of all drives, and `close` closes it.
 
 mod devices;
 mod plant;
 
 use hydroboom_description::Description;
+use hydroboom_device_simulator::applications::SAFE_TORQUE_OFF;
 use hydroboom_fieldbus::link::Link;
 use hydroboom_fieldbus::raw_socket::RawSocket;
 use hydroboom_fieldbus::table::Table;
@@ -22,6 +25,9 @@ use plant::Plant;
 use std::cell::RefCell;
 use std::process::ExitCode;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 const USAGE: &str = "usage: simulated_segment --interface INTERFACE --table FILE [--crane FILE] \
     [--set KEY=VALUE]... [--missed-cycles COUNT]";
@@ -90,6 +96,8 @@ fn run(arguments: impl Iterator<Item = String>) -> Result<(), String> {
         eprintln!("not granted ({error}): answers may come late");
     }
     eprintln!("{} devices at {interface}", table.devices.len());
+    let is_open = stop_circuit();
+    let mut was_open = false;
     let mut frame = [0; LARGEST_FRAME];
     loop {
         match socket.receive(&mut frame, now() + IDLE) {
@@ -101,10 +109,36 @@ fn run(arguments: impl Iterator<Item = String>) -> Result<(), String> {
             }
             None => segment.advance(now()),
         }
+        let now_open = is_open.load(Ordering::Relaxed);
+        if std::mem::replace(&mut was_open, now_open) != now_open {
+            for drive in &table.drives {
+                let device = segment.devices_mut().get_mut(drive.device);
+                let dictionary = device.map(|device| &mut device.dictionary);
+                dictionary
+                    .ok_or("the drive is not in the segment")?
+                    .set_number(SAFE_TORQUE_OFF, i64::from(now_open));
+            }
+        }
         let mut plant = plant.borrow_mut();
         plant.simulate();
         if let Some(error) = &plant.broken {
             return Err(format!("the crane cannot go on: {error}"));
         }
     }
+}
+
+/// Whether the stop circuit is open, as a thread reads it from standard input.
+fn stop_circuit() -> Arc<AtomicBool> {
+    let is_open = Arc::new(AtomicBool::new(false));
+    let switch = Arc::clone(&is_open);
+    thread::spawn(move || {
+        for line in std::io::stdin().lines().map_while(Result::ok) {
+            match line.trim() {
+                "open" => switch.store(true, Ordering::Relaxed),
+                "close" => switch.store(false, Ordering::Relaxed),
+                other => eprintln!("{other:?} is neither open nor close"),
+            }
+        }
+    });
+    is_open
 }

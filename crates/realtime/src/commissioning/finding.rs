@@ -106,6 +106,8 @@ pub enum Finding {
     StopCircuitNotSeen(f64),
     /// The machine was not reset within this time \[s\].
     NotReset(f64),
+    /// Commands came too late, and the connection to the machine has stopped the motor.
+    CommandsLate,
     /// A held load moved \[m\]: measured, allowed.
     Moved([f64; 2]),
     /// The motor turns against its command \[rev/s\]: measured, commanded.
@@ -246,6 +248,10 @@ impl Display for Finding {
             Self::NotReset(time) => {
                 write!(f, "the machine was not ready again within {time:.0} s: reset it, then begin again")
             }
+            Self::CommandsLate => f.write_str(
+                "no command came for two periods, and the connection has stopped the motor: relieve this computer of \
+                 other work, and see `hydroboom doctor`",
+            ),
             Self::Moved([measured, allowed]) => write!(
                 f,
                 "the position moved by {:.2} mm, allowed {:.2} mm: does the load-holding valve hold, is the position \

@@ -396,8 +396,12 @@ impl Sequence {
         if let (false, Some(MachineStatus::Fault { code })) = (self.may_have_fault, seen.status) {
             return Err(Finding::MachineFault(code));
         }
-        let stroke = seen.measurement.axes[0].signals.stroke;
         let is_held = self.step.place() < Step::Release.place();
+        // from the release on this is the supervisor's
+        if is_held && seen.link.is_some_and(|link| link.commands_lost) {
+            return Err(Finding::CommandsLate);
+        }
+        let stroke = seen.measurement.axes[0].signals.stroke;
         let allowed = match self.step {
             Step::Release => self.settings.release_movement,
             _ if is_held => self.settings.held_movement.min(self.limits.creep),

@@ -5,11 +5,12 @@ use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_realtime::commissioning::finding::{Finding, Outcome, Reason};
 use hydroboom_realtime::commissioning::record::{self, Basis};
-use hydroboom_realtime::commissioning::sequence::Sequence;
+use hydroboom_realtime::commissioning::sequence::{Action, Now, Sequence};
 use hydroboom_realtime::commissioning::settings::Settings;
 use hydroboom_realtime::commissioning::simulated_machine::{Mistakes, SimulatedMachine};
 use hydroboom_realtime::commissioning::step::Step;
 use hydroboom_realtime::commissioning::task::{Person, run_simulated};
+use hydroboom_realtime::machine::{Link, Machine};
 
 /// A sequence at its end, with the largest true way of the piston in each step [m].
 struct Ran {
@@ -237,4 +238,44 @@ fn a_person_ends_it_at_once_and_the_load_is_held() {
         let truth = machine.crane().truth();
         assert!(truth.motor_speed.abs() < 1e-3 && truth.pilot < 0.5, "{at:?}");
     }
+}
+
+#[test]
+fn commands_that_the_connection_misses_are_named_and_not_blamed_on_the_drive() {
+    let model = Description::uia_single_boom().unwrap();
+    let settings = Settings { listening: 0.5, ..Settings::default() };
+    let mut sequence = Sequence::new(limits(&model, model.numbers.slow).unwrap(), settings, true);
+    let crane = Description::uia_virtual().unwrap();
+    let mut machine = SimulatedMachine::new(&crane, Mistakes::default()).unwrap();
+    let mut turning = 0;
+    for number in 1..60_000 {
+        let is_confirmed = machine.answer(sequence.prompt());
+        let mut incoming = machine.read();
+        // the connection stops the motor in the middle of the slow turn, and reports that
+        let commands_lost = turning > 50;
+        if let Some(incoming) = incoming.as_mut().filter(|_| commands_lost) {
+            incoming.link = Some(Link { commands_lost, ..Link::default() });
+        }
+        let elapsed = machine.crane().period();
+        match sequence.period(&Now { elapsed, incoming, missed: 0, is_confirmed, is_ended: false })
+        {
+            Action::Send(outgoing) => {
+                let turns = outgoing.command.axes[0].motor_speed != 0.0;
+                turning += u32::from(turns && sequence.step() == Step::Polarity);
+                machine.write(number, &outgoing);
+            }
+            Action::Withhold => machine.withhold(),
+            Action::Reset(outgoing) => {
+                machine.reset_by_a_person();
+                machine.write(number, &outgoing);
+            }
+        }
+        machine.advance().unwrap();
+        if sequence.is_over() {
+            break;
+        }
+    }
+    let failed = sequence.outcomes()[Step::Polarity.place()];
+    assert_eq!(failed, Some(Outcome::Failed(Finding::CommandsLate)));
+    assert!(machine.moved().abs() < 0.2e-3);
 }
