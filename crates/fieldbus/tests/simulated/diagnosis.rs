@@ -196,7 +196,7 @@ fn a_damaged_cable_is_named_before_what_it_makes_of_the_bus() {
 #[test]
 fn a_device_with_an_error_is_named_with_its_al_status_code() {
     let case = Case::with_drive(|settings| settings.synchronisation.base_cycle = 300_000);
-    case.error(&["drive (position 1) refuses SAFEOP", "0x0035", "bus.period_us"]);
+    case.error(&["drive (position 1) refuses SAFEOP", "0x0036", "bus.period_us"]);
 
     // its EEPROM has a longer mailbox than its firmware
     let mut case = Case::new();

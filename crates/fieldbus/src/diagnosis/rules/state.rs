@@ -73,7 +73,7 @@ fn advice(code: u16) -> &'static str {
         0x002d => {
             "it received no SYNC0: check that sync in the table is the mode that it is set up for"
         }
-        0x002e | 0x0035 | 0x0036 => "set bus.period_us to a cycle that it supports",
+        0x002e | 0x0035 | 0x0036 | 0x0037 => "set bus.period_us to a cycle that it supports",
         0x0050 | 0x0051 => {
             "its EEPROM cannot be read: switch its supply off and on; if that does not help, have it repaired"
         }
