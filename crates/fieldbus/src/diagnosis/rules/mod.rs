@@ -1,5 +1,6 @@
 //! Rules: from facts to findings, the most probable first cause first.
 
+mod al_status_code;
 mod cable;
 mod devices;
 mod host;
