@@ -8,7 +8,7 @@ use ethercrab::error::Error;
 use ethercrab::{Command, EtherCrabWireRead, EtherCrabWireSized, RegisterAddress};
 
 /// Largest number of devices that are scanned.
-const MOST: u16 = 64;
+pub(super) const MOST_POSITIONS: u16 = 64;
 /// Registers of the error counters.
 const ERROR_COUNTERS: u16 = 0x0300;
 /// Registers of the EEPROM interface: owner, command with address, data.
@@ -29,7 +29,7 @@ const IDENTITY: [u16; 3] = [8, 10, 12];
 /// The devices by position; the first position without an answer ends the line.
 pub(crate) fn line<L: Link>(wire: &mut Wire<L>) -> Vec<LineDevice> {
     let mut line = Vec::new();
-    for position in 0..MOST {
+    for position in 0..MOST_POSITIONS {
         let Ok(mut device) = registers(wire, position) else { break };
         device.identity = identity(wire, position).ok();
         line.push(device);

@@ -43,6 +43,7 @@ pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusF
         ..DeviceFacts::default()
     };
     bus.devices = bus.line.iter().map(|device| unnamed(device.identity)).collect();
+    // a finding of its own: the main device has no room for them
     if bus.line.len() > MOST_DEVICES {
         return;
     }

@@ -2,7 +2,7 @@
 
 use crate::bench::{Shared, SimulatedLink, devices, example, table};
 use hydroboom_device_simulator::al_status_code::AlStatusCode;
-use hydroboom_device_simulator::applications::{DigitalOutput, VelocityUnit};
+use hydroboom_device_simulator::applications::{DigitalOutput, VelocityUnit, coupler};
 use hydroboom_device_simulator::controller::DistributedClock;
 use hydroboom_device_simulator::controller::registers::{
     ERROR_COUNTERS, FEATURES, WATCHDOG_PROCESS_DATA,
@@ -122,6 +122,26 @@ fn devices_that_are_not_the_tables_are_named() {
 
     let case = Case::with_drive(|settings| settings.identity.revision = 7);
     case.error(&["position 1", "revision 0x00000007", "0x00000001 to 0x00000003", "widen"]);
+}
+
+#[test]
+fn more_devices_than_a_bus_may_have_are_counted_with_the_limit() {
+    let with_couplers = |count: usize| {
+        let mut case = Case::new();
+        let identity = Identity { vendor: 0x0fff, product: 1, revision: 1, serial: 7 };
+        let more = (0..count)
+            .map(|_| coupler(Settings::new("coupler", identity), DistributedClock::new(9, 0)));
+        case.devices.extend(more);
+        case
+    };
+    // 16 are examined, and compared with the table
+    with_couplers(12).error(&["not in the table", "16 devices answer, the table has 4"]);
+    with_couplers(13).error(&[
+        "17 devices answer, the table has 4",
+        "allows 16 on a bus",
+        "network interface of their own",
+    ]);
+    with_couplers(70).error(&["64 or more devices answer"]);
 }
 
 #[test]

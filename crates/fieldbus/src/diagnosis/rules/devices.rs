@@ -4,9 +4,36 @@ use super::name;
 use crate::check::{DeviceFacts, Subject, mismatches};
 use crate::diagnosis::facts::{BusFacts, PORTS};
 use crate::diagnosis::finding::{Finding, Stage};
+use crate::diagnosis::scan::MOST_POSITIONS;
+use crate::start_up::MOST_DEVICES;
 use crate::table::{DeviceRow, Table};
 
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let mut found: Vec<Finding> = too_many(table, bus).into_iter().collect();
+    found.extend(compared(table, bus));
+    found
+}
+
+/// More devices than a bus of this program may have: none of them is set up, and only the scan is judged.
+fn too_many(table: &Table, bus: &BusFacts) -> Option<Finding> {
+    let answering = bus.line.len();
+    // the scan ends at its last position, whether or not devices follow
+    let or_more = if answering == usize::from(MOST_POSITIONS) { " or more" } else { "" };
+    (answering > MOST_DEVICES).then(|| {
+        Finding::error(
+            Stage::Devices,
+            format!(
+                "{answering}{or_more} devices answer, the table has {} and this program allows {MOST_DEVICES} on \
+                a bus, so that none was set up",
+                table.devices.len()
+            ),
+            "remove the devices that are not in the table, or connect them to a network interface of their own",
+        )
+    })
+}
+
+/// The devices against the rows of the table.
+fn compared(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let (rows, devices) = (&table.devices, &bus.devices);
     if devices.is_empty() {
         return Vec::new();
