@@ -3,9 +3,13 @@
 //! It is read from a file of its own ([`Table::parse`]) and checked there; the data that the devices report
 //! are compared with it at start-up ([`check`](crate::check)).
 
+mod device;
+mod drive;
 mod file;
 mod problem;
 mod scale;
+mod schema;
+mod signal;
 
 pub use problem::TableError;
 pub use scale::{NumberType, Scale};
