@@ -1,0 +1,96 @@
+//! Process data: outputs and inputs by the frame or by SYNC0, and the count of missed cycles.
+
+use super::{Device, State};
+use crate::al_status_code::AlStatusCode;
+use crate::controller::DistributedClock;
+use crate::object_dictionary::{mapped_bytes, pack, unpack};
+
+/// Outputs and SYNC0 events received since the device went into SAFEOP.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Synchrony {
+    /// When outputs came last \[ns\].
+    pub(super) outputs: Option<u64>,
+    pub(super) has_pulsed: bool,
+    /// Outputs since the last SYNC0.
+    since_pulse: u32,
+    /// Missed cycles, a missed one for three.
+    missed: u32,
+}
+
+/// Weight of a missed cycle; a good one takes one back.
+const MISSED: u32 = 3;
+
+impl Device {
+    /// Whether outputs and inputs go by SYNC0.
+    pub(super) fn uses_sync0(&self) -> bool {
+        DistributedClock::settings(&self.controller.memory).0[0]
+    }
+
+    /// Whole outputs were written.
+    pub(super) fn outputs_came(&mut self, now: u64) {
+        if self.state < State::SafeOp {
+            return;
+        }
+        self.synchrony.outputs = Some(now);
+        self.synchrony.since_pulse += 1;
+        if !self.uses_sync0() {
+            self.take_outputs(now);
+            self.take_inputs(now);
+        } else if self.state == State::Op
+            && self.synchrony.since_pulse > self.settings.synchronisation.missed_limit
+        {
+            self.fail(State::SafeOp, AlStatusCode::FatalSynchronisationError, now);
+        }
+        self.operate(now);
+    }
+
+    /// Enters OP where that was waited for.
+    fn operate(&mut self, now: u64) {
+        if self.waiting.is_some() && self.may_operate() {
+            self.waiting = None;
+            self.enter(State::Op, now);
+        }
+    }
+
+    /// SYNC0: outputs that came in time count, inputs are latched.
+    pub(super) fn sync0(&mut self, now: u64) {
+        if self.state < State::SafeOp {
+            return;
+        }
+        self.synchrony.has_pulsed = true;
+        let cycle = u64::from(DistributedClock::settings(&self.controller.memory).1[0]);
+        let set_up = self.settings.synchronisation.set_up;
+        // a device without outputs waits for none
+        let is_in_time = self.outputs.is_empty()
+            || self
+                .synchrony
+                .outputs
+                .is_some_and(|came| came + set_up <= now && now - came <= cycle);
+        let missed = &mut self.synchrony.missed;
+        *missed = if is_in_time { missed.saturating_sub(1) } else { *missed + MISSED };
+        let limit = MISSED * self.settings.synchronisation.missed_limit;
+        if self.state == State::Op && *missed > limit {
+            self.fail(State::SafeOp, AlStatusCode::SynchronisationError, now);
+        } else if self.state != State::Op {
+            *missed = 0;
+        }
+        self.synchrony.since_pulse = 0;
+        self.take_outputs(now);
+        self.take_inputs(now);
+        self.operate(now);
+    }
+
+    fn take_outputs(&mut self, now: u64) {
+        let Some(area) = self.settings.outputs.filter(|_| self.state == State::Op) else { return };
+        let bytes = self.controller.memory.bytes(area.start, mapped_bytes(&self.outputs));
+        unpack(&self.outputs, bytes, &mut self.dictionary);
+        self.application.outputs(&mut self.dictionary, now);
+    }
+
+    pub(super) fn take_inputs(&mut self, now: u64) {
+        self.application.inputs(&mut self.dictionary, now);
+        let Some(area) = self.settings.inputs else { return };
+        let length = mapped_bytes(&self.inputs);
+        pack(&self.inputs, &self.dictionary, self.controller.memory.bytes_mut(area.start, length));
+    }
+}
