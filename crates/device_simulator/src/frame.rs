@@ -111,13 +111,13 @@ impl Datagram<'_> {
     }
 
     /// Increments the position by one, as each device does.
-    pub fn count_position(&mut self) {
+    pub fn increment_position(&mut self) {
         let next = self.device().wrapping_add(1).to_le_bytes();
         self.address[..2].copy_from_slice(&next);
     }
 
     /// Increments the working counter, modulo 2^16.
-    pub fn count(&mut self, by: u16) {
+    pub fn increment_working_counter(&mut self, by: u16) {
         *self.working_counter =
             u16::from_le_bytes(*self.working_counter).wrapping_add(by).to_le_bytes();
     }

@@ -154,7 +154,7 @@ impl ObjectDictionary {
     /// [`Abort`] if an object does not exist or cannot be mapped in that direction, or an entry has another length
     /// than its object.
     pub fn mapped(&self, assignment: u16) -> Result<Vec<MappedEntry>, Abort> {
-        let wanted = if assignment == 0x1c12 { Mapping::Outputs } else { Mapping::Inputs };
+        let direction = if assignment == 0x1c12 { Mapping::Outputs } else { Mapping::Inputs };
         let mut entries = Vec::new();
         for number in 1..=self.unsigned((assignment, 0)) as u8 {
             let list = self.unsigned((assignment, number)) as u16;
@@ -165,7 +165,7 @@ impl ObjectDictionary {
                 let bits = (entry & 0xff) as usize;
                 if key.0 != 0 {
                     let object = self.object(key)?;
-                    if object.mapping != wanted || bits > 8 * object.value.len() {
+                    if object.mapping != direction || bits > 8 * object.value.len() {
                         return Err(Abort::NotMappable);
                     }
                 }

@@ -83,30 +83,30 @@ impl Segment {
             })
             .take(self.connected)
             .collect();
-        let Some(turn) = arrivals.last().copied() else { return false };
-        let (mut is_whole, mut is_damaged) = (false, false);
+        let Some(turnaround) = arrivals.last().copied() else { return false };
+        let (mut is_complete, mut is_damaged) = (false, false);
         for (number, (device, arrival)) in connected.iter_mut().zip(&arrivals).enumerate() {
             device.advance(*arrival);
             let is_last = number + 1 == arrivals.len();
             // the frame comes back from the last device as late as it went there
-            let back = (!is_last).then(|| 2 * turn - arrival);
-            device.controller.ports = [Some(*arrival), back, None, None];
+            let return_time = (!is_last).then(|| 2 * turnaround - arrival);
+            device.controller.ports = [Some(*arrival), return_time, None, None];
             // a damaged frame goes on, and nobody takes anything from it
             if is_damaged {
                 device.controller.count_forwarded_frame(0);
                 continue;
             }
-            is_damaged = !device.receives(0);
+            is_damaged = !device.receives_undamaged(0);
             if is_damaged {
                 continue;
             }
-            let hears = device.hears();
-            is_whole = for_each_datagram(frame, |datagram| {
-                if hears {
-                    device.pass(datagram, *arrival);
+            let is_accepted = device.accepts_frame();
+            is_complete = for_each_datagram(frame, |datagram| {
+                if is_accepted {
+                    device.process_datagram(datagram, *arrival);
                 }
             });
-            if !is_whole {
+            if !is_complete {
                 return false;
             }
         }
@@ -115,7 +115,7 @@ impl Segment {
             if is_damaged {
                 device.controller.count_forwarded_frame(1);
             } else {
-                is_damaged = !device.receives(1);
+                is_damaged = !device.receives_undamaged(1);
             }
         }
         // those behind a broken cable live on
@@ -124,6 +124,6 @@ impl Segment {
             self.lost -= 1;
             return false;
         }
-        is_whole && !is_damaged
+        is_complete && !is_damaged
     }
 }

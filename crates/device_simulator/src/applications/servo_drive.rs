@@ -11,7 +11,7 @@ use crate::object_dictionary::{Abort, Key, Mapping, ObjectAccess, ObjectDictiona
 /// Mode of operation: cyclic synchronous velocity.
 const CYCLIC_VELOCITY: i64 = 9;
 /// Fault: process-data watchdog or another loss of communication.
-const COMMUNICATION: u16 = 0x7500;
+const COMMUNICATION_FAULT: u16 = 0x7500;
 const CONTROLWORD: Key = (0x6040, 0);
 const STATUSWORD: Key = (0x6041, 0);
 const ERROR_CODE: Key = (0x603f, 0);
@@ -38,13 +38,13 @@ pub trait Motor {
 
 /// Ideal motor: it has the commanded speed at once, and stands still without torque.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct StiffMotor {
+pub struct IdealMotor {
     speed: f64,
     angle: f64,
     now: u64,
 }
 
-impl Motor for StiffMotor {
+impl Motor for IdealMotor {
     fn command(&mut self, speed: Option<f64>) {
         self.speed = speed.unwrap_or(0.0);
     }
@@ -85,9 +85,9 @@ pub struct ServoDrive {
     error: u16,
     has_safe_torque_off: bool,
     /// Set point while the drive stops by itself \[rev/s\].
-    ramp: f64,
+    ramp_speed: f64,
     now: u64,
-    message: Option<Emergency>,
+    pending_emergency: Option<Emergency>,
 }
 
 impl std::fmt::Debug for ServoDrive {
@@ -126,9 +126,9 @@ impl ServoDrive {
             controlword: 0,
             error: 0,
             has_safe_torque_off: false,
-            ramp: 0.0,
+            ramp_speed: 0.0,
             now: 0,
-            message: None,
+            pending_emergency: None,
         };
         Device::new(settings, clock, dictionary, Box::new(application))
     }
@@ -136,7 +136,7 @@ impl ServoDrive {
     fn add_objects(dictionary: &mut ObjectDictionary, drive: &DriveSettings, has_sync0: bool) {
         use Mapping::{Inputs, None as Unmapped, Outputs};
         use ObjectAccess::{ReadOnly, ReadWrite, ReadWriteInPreOp};
-        let pad = |entries: &[(u16, u8, u8)]| -> Vec<(u16, u8, u8)> {
+        let with_gaps = |entries: &[(u16, u8, u8)]| -> Vec<(u16, u8, u8)> {
             let mut all = Vec::new();
             for entry in entries {
                 all.push(*entry);
@@ -148,8 +148,8 @@ impl ServoDrive {
             all
         };
         let access = if drive.is_mapping_fixed { ReadOnly } else { ReadWriteInPreOp };
-        add_process_data(dictionary, [0x1c12, 0x1600], &pad(&OUTPUTS), access);
-        add_process_data(dictionary, [0x1c13, 0x1a00], &pad(&INPUTS), access);
+        add_process_data(dictionary, [0x1c12, 0x1600], &with_gaps(&OUTPUTS), access);
+        add_process_data(dictionary, [0x1c13, 0x1a00], &with_gaps(&INPUTS), access);
         let mut add = |key, bytes: &[u8], access, mapping| {
             dictionary.add(key, bytes, access, mapping);
         };
@@ -187,9 +187,9 @@ impl ServoDrive {
     fn fault(&mut self, code: u16) {
         if self.error == 0 {
             self.error = code;
-            self.message = Some(Emergency { code, register: 0x01 });
+            self.pending_emergency = Some(Emergency { code, register: 0x01 });
         }
-        self.ramp = self.motor.speed();
+        self.ramp_speed = self.motor.speed();
         self.state = match self.state.has_torque() {
             true => DriveState::FaultReactionActive,
             false => DriveState::Fault,
@@ -202,7 +202,7 @@ impl ServoDrive {
                 Some(dictionary.signed(TARGET) as f64 * self.settings.unit.rev_per_s())
             }
             DriveState::OperationEnabled => Some(0.0),
-            DriveState::QuickStopActive | DriveState::FaultReactionActive => Some(self.ramp),
+            DriveState::QuickStopActive | DriveState::FaultReactionActive => Some(self.ramp_speed),
             _ => None,
         }
     }
@@ -221,7 +221,7 @@ pub const SAFE_TORQUE_OFF: Key = (0x2f00, 2);
 
 impl Application for ServoDrive {
     fn advance(&mut self, dictionary: &mut ObjectDictionary, now: u64) {
-        let passed = now.saturating_sub(self.now) as f64 * 1e-9;
+        let elapsed = now.saturating_sub(self.now) as f64 * 1e-9;
         self.motor.advance(now);
         self.now = now;
         let injected = dictionary.unsigned(INJECTED_FAULT) as u16;
@@ -233,9 +233,9 @@ impl Application for ServoDrive {
             self.state = DriveState::SwitchOnDisabled;
         }
         if matches!(self.state, DriveState::QuickStopActive | DriveState::FaultReactionActive) {
-            let step = self.settings.deceleration * passed;
-            self.ramp = self.ramp.signum() * (self.ramp.abs() - step).max(0.0);
-            if self.ramp == 0.0 {
+            let step = self.settings.deceleration * elapsed;
+            self.ramp_speed = self.ramp_speed.signum() * (self.ramp_speed.abs() - step).max(0.0);
+            if self.ramp_speed == 0.0 {
                 self.state = match self.state {
                     DriveState::FaultReactionActive => DriveState::Fault,
                     _ => DriveState::SwitchOnDisabled,
@@ -253,7 +253,7 @@ impl Application for ServoDrive {
             dictionary.set_number(INJECTED_FAULT, 0);
         }
         if next == DriveState::QuickStopActive && self.state != next {
-            self.ramp = self.motor.speed();
+            self.ramp_speed = self.motor.speed();
         }
         self.state = if self.has_safe_torque_off { DriveState::SwitchOnDisabled } else { next };
         self.controlword = word;
@@ -281,9 +281,9 @@ impl Application for ServoDrive {
         why: Option<AlStatusCode>,
     ) {
         if why.is_some() && dictionary.signed((0x6007, 0)) != 0 {
-            self.fault(COMMUNICATION);
+            self.fault(COMMUNICATION_FAULT);
         } else if self.state.has_torque() {
-            self.ramp = self.motor.speed();
+            self.ramp_speed = self.motor.speed();
             self.state = DriveState::QuickStopActive;
         }
         self.motor.command(self.set_point(dictionary));
@@ -302,6 +302,6 @@ impl Application for ServoDrive {
     }
 
     fn emergency(&mut self) -> Option<Emergency> {
-        self.message.take()
+        self.pending_emergency.take()
     }
 }

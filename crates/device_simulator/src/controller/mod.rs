@@ -42,15 +42,15 @@ pub struct Controller {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Event {
     /// A state is requested: the written byte.
-    StateRequest(u8),
+    AlControlWritten(u8),
     /// The mailbox for requests was filled.
-    Request,
+    MailboxWritten,
     /// The mailbox for answers was fetched.
-    Fetched,
+    MailboxRead,
     /// Fetching of the last answer is asked for anew.
     RepeatRequest,
     /// Outputs are whole.
-    Outputs,
+    OutputsWritten,
 }
 
 /// Units of 40 ns in 100 us, less two: divider of the watchdogs after power-on.
@@ -78,7 +78,7 @@ impl Controller {
     }
 
     /// Configured station address.
-    pub fn station(&self) -> u16 {
+    pub fn station_address(&self) -> u16 {
         self.memory.u16(STATION_ADDRESS)
     }
 
@@ -117,7 +117,7 @@ impl Controller {
     fn has(&self, address: u16, length: usize) -> bool {
         let has_clock = self.memory.u8(FEATURES) & HAS_CLOCK != 0;
         self.memory.has(address, length)
-            && (has_clock || !touches(address, length, RECEIVE_TIME, CLOCK))
+            && (has_clock || !overlaps(address, length, RECEIVE_TIME, CLOCK))
     }
 
     /// Reads memory for the main device at the time `now` \[ns\]. Returns false if the read is refused, as of an
@@ -127,27 +127,27 @@ impl Controller {
         if !self.has(address, length) {
             return false;
         }
-        if touches(address, length, SYSTEM_TIME, 16) || touches(address, length, 0x0990, 8) {
-            self.clock.show(&mut self.memory, now);
+        if overlaps(address, length, SYSTEM_TIME, 16) || overlaps(address, length, 0x0990, 8) {
+            self.clock.update_registers(&mut self.memory, now);
         }
-        let mut fetched = None;
+        let mut emptied = None;
         if address >= PROCESS_MEMORY {
             for number in 0..sync_manager::COUNT {
                 let manager = SyncManager::of(&self.memory, number);
-                if !manager.touches(address, length) || !manager.is_mailbox() {
+                if !manager.overlaps(address, length) || !manager.is_mailbox() {
                     continue;
                 }
                 let is_ready = SyncManager::is_full(&self.memory, number);
                 if manager.is_written_by_main_device() || !is_ready {
                     return false;
                 }
-                fetched = manager.is_ended_by(address, length).then_some(number);
+                emptied = manager.is_completed_by(address, length).then_some(number);
             }
         }
         into.copy_from_slice(self.memory.bytes(address, length));
-        if let Some(number) = fetched {
+        if let Some(number) = emptied {
             SyncManager::set_full(&mut self.memory, number, false);
-            self.events.push(Event::Fetched);
+            self.events.push(Event::MailboxRead);
         }
         true
     }
@@ -163,29 +163,29 @@ impl Controller {
             self.write_registers(address, from, now);
             return true;
         }
-        let mut ended = None;
+        let mut completed = None;
         for number in 0..sync_manager::COUNT {
             let manager = SyncManager::of(&self.memory, number);
-            if !manager.touches(address, length) {
+            if !manager.overlaps(address, length) {
                 continue;
             }
             let is_full = manager.is_mailbox() && SyncManager::is_full(&self.memory, number);
             if !manager.is_written_by_main_device() || is_full {
                 return false;
             }
-            ended = manager.is_ended_by(address, length).then_some((number, manager));
+            completed = manager.is_completed_by(address, length).then_some((number, manager));
         }
         self.memory.set(address, from);
-        match ended {
+        match completed {
             Some((number, manager)) if manager.is_mailbox() => {
                 SyncManager::set_full(&mut self.memory, number, true);
-                self.events.push(Event::Request);
+                self.events.push(Event::MailboxWritten);
             }
             Some((_, manager)) => {
-                if manager.feeds_watchdog() {
-                    self.watchdog.feed(&mut self.memory, now);
+                if manager.triggers_watchdog() {
+                    self.watchdog.trigger(&mut self.memory, now);
                 }
-                self.events.push(Event::Outputs);
+                self.events.push(Event::OutputsWritten);
             }
             None => {}
         }
@@ -197,21 +197,21 @@ impl Controller {
         let length = from.len();
         let repeat = self.memory.u8(SYNC_MANAGER + 8 + 6) & 2;
         self.memory.write(address, from);
-        let is_written = |register, bytes| touches(address, length, register, bytes);
+        let is_written = |register, bytes| overlaps(address, length, register, bytes);
         if is_written(RECEIVE_TIME, 1) {
             self.clock.latch(&mut self.memory, self.ports);
         }
         if is_written(SYSTEM_TIME, 1) {
-            self.clock.follow(&mut self.memory, from, now);
+            self.clock.correct(&mut self.memory, from, now);
         }
         if is_written(SYNC_ACTIVATION, 1) {
             self.clock.activate(&self.memory, now);
         }
         if is_written(EEPROM + 3, 1) {
-            self.eeprom.carry_out(&mut self.memory);
+            self.eeprom.execute(&mut self.memory);
         }
         if is_written(AL_CONTROL, 1) {
-            self.events.push(Event::StateRequest(self.memory.u8(AL_CONTROL)));
+            self.events.push(Event::AlControlWritten(self.memory.u8(AL_CONTROL)));
         }
         for number in 0..sync_manager::COUNT {
             let activation = SYNC_MANAGER + 8 * number + 6;
@@ -245,13 +245,13 @@ impl Controller {
                 was_read = true;
             }
         }
-        let for_write = if access == Access::ReadWrite { 2 } else { 1 };
-        u16::from(was_read) + if was_written { for_write } else { 0 }
+        let write_increment = if access == Access::ReadWrite { 2 } else { 1 };
+        u16::from(was_read) + if was_written { write_increment } else { 0 }
     }
 }
 
 /// Whether two ranges share a byte.
-fn touches(address: u16, length: usize, register: u16, bytes: usize) -> bool {
+fn overlaps(address: u16, length: usize, register: u16, bytes: usize) -> bool {
     let (a, b) = (usize::from(address), usize::from(register));
     a < b + bytes && b < a + length
 }

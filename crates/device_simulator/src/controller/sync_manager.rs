@@ -45,21 +45,21 @@ impl SyncManager {
     }
 
     /// Whether writes to it trigger the process-data watchdog.
-    pub fn feeds_watchdog(&self) -> bool {
+    pub fn triggers_watchdog(&self) -> bool {
         self.control & 0x40 != 0
     }
 
     /// Whether an access of `length` \[byte\] at `address` overlaps its memory, while it is enabled.
-    pub fn touches(&self, address: u16, length: usize) -> bool {
+    pub fn overlaps(&self, address: u16, length: usize) -> bool {
         let (a, b) = (usize::from(self.start), usize::from(self.start) + usize::from(self.length));
         let first = usize::from(address);
         self.is_enabled && self.length > 0 && first < b && first + length > a
     }
 
     /// Whether an access of `length` \[byte\] at `address` includes its last byte, which completes the exchange.
-    pub fn is_ended_by(&self, address: u16, length: usize) -> bool {
+    pub fn is_completed_by(&self, address: u16, length: usize) -> bool {
         let last = usize::from(self.start) + usize::from(self.length);
-        self.touches(address, length) && usize::from(address) + length >= last
+        self.overlaps(address, length) && usize::from(address) + length >= last
     }
 
     /// Whether the mailbox of this sync manager number is full.

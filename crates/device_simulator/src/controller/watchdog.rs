@@ -9,7 +9,7 @@ use super::registers::{
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Watchdog {
     /// When outputs came last \[ns\]; none before the first.
-    fed: Option<u64>,
+    last_trigger: Option<u64>,
     expired: bool,
 }
 
@@ -21,15 +21,15 @@ impl Watchdog {
     }
 
     /// Restarts the watchdog after complete outputs at the time `now` \[ns\].
-    pub fn feed(&mut self, memory: &mut Memory, now: u64) {
-        (self.fed, self.expired) = (Some(now), false);
+    pub fn trigger(&mut self, memory: &mut Memory, now: u64) {
+        (self.last_trigger, self.expired) = (Some(now), false);
         memory.set(WATCHDOG_STATUS, &[1, 0]);
     }
 
     /// Time of expiration \[ns\]; `None` if the watchdog does not run.
     pub fn due(&self, memory: &Memory) -> Option<u64> {
-        match (self.fed, self.expired) {
-            (Some(fed), false) => Some(fed + Self::time(memory)?),
+        match (self.last_trigger, self.expired) {
+            (Some(last_trigger), false) => Some(last_trigger + Self::time(memory)?),
             _ => None,
         }
     }

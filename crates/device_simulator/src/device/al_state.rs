@@ -1,7 +1,7 @@
 //! AL state: requests by AL control, transitions, errors, and the registers that show them (ETG.1000.6).
 
 use super::Device;
-use super::process_data::Synchrony;
+use super::process_data::SyncCounters;
 use super::state_machine::{self, State};
 use crate::al_status_code::AlStatusCode;
 use crate::controller::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE};
@@ -10,56 +10,61 @@ impl Device {
     /// A state is requested, or an error acknowledged (bit 4).
     pub(super) fn change_state(&mut self, byte: u8, now: u64) {
         let is_acknowledged = byte & 0x10 != 0;
-        let wanted = match State::of(byte & 0x0f) {
-            Ok(wanted) => wanted,
+        let requested = match State::of(byte & 0x0f) {
+            Ok(requested) => requested,
             Err(code) => return self.fail(self.state, code, now),
         };
         // with an error that is not acknowledged a device goes down only
-        if self.error.is_some() && !is_acknowledged && wanted >= self.state {
-            return self.show_state();
+        if self.error.is_some() && !is_acknowledged && requested >= self.state {
+            return self.write_al_status();
         }
         self.error = None;
-        if !self.settings.is_emulated {
+        if !self.settings.has_device_emulation {
             let memory = &self.controller.memory;
-            let checked =
-                state_machine::check(self.state, wanted, memory, &self.settings, &self.dictionary);
+            let checked = state_machine::check(
+                self.state,
+                requested,
+                memory,
+                &self.settings,
+                &self.dictionary,
+            );
             if let Err(code) = checked {
                 return self.fail(self.state, code, now);
             }
         }
-        self.waiting = None;
-        if wanted == State::Op && self.state != State::Op && !self.may_operate() {
-            self.waiting = Some(now);
-            return self.show_state();
+        self.op_requested_at = None;
+        if requested == State::Op && self.state != State::Op && !self.is_ready_for_op() {
+            self.op_requested_at = Some(now);
+            return self.write_al_status();
         }
-        self.enter(wanted, now);
+        self.enter(requested, now);
     }
 
     /// Whether OP may be entered: outputs came, and SYNC0 where it is used.
-    pub(super) fn may_operate(&self) -> bool {
-        let has_outputs = self.outputs.is_empty() || self.synchrony.outputs.is_some();
-        self.settings.is_emulated
-            || has_outputs && (!self.uses_sync0() || self.synchrony.has_pulsed)
+    pub(super) fn is_ready_for_op(&self) -> bool {
+        let has_outputs = self.outputs.is_empty() || self.sync_counters.outputs.is_some();
+        self.settings.has_device_emulation
+            || has_outputs && (!self.uses_sync0() || self.sync_counters.has_received_sync0)
     }
 
     /// Enters a state.
     pub(super) fn enter(&mut self, state: State, now: u64) {
         let before = std::mem::replace(&mut self.state, state);
         if before == State::Op && state != State::Op {
-            self.stop_outputs(None, now);
+            self.set_outputs_safe(None, now);
         }
         if before < State::SafeOp && state == State::SafeOp {
             // checked on the way here
             self.outputs = self.dictionary.mapped(0x1c12).unwrap_or_default();
             self.inputs = self.dictionary.mapped(0x1c13).unwrap_or_default();
-            self.synchrony = Synchrony::default();
-            self.take_inputs(now);
+            self.sync_counters = SyncCounters::default();
+            self.latch_inputs(now);
         }
         if state == State::Init {
             self.answers.clear();
             self.answer_due = None;
         }
-        self.show_state();
+        self.write_al_status();
     }
 
     /// Stays in a state or falls back to it, with an error.
@@ -67,24 +72,24 @@ impl Device {
         let was_operating = self.state == State::Op;
         self.state = self.state.min(state);
         self.error = Some(code);
-        self.waiting = None;
+        self.op_requested_at = None;
         if was_operating && self.state != State::Op {
-            self.stop_outputs(Some(code), now);
+            self.set_outputs_safe(Some(code), now);
         }
-        self.show_state();
+        self.write_al_status();
     }
 
-    fn stop_outputs(&mut self, why: Option<AlStatusCode>, now: u64) {
+    fn set_outputs_safe(&mut self, why: Option<AlStatusCode>, now: u64) {
         self.controller.watchdog.stop();
         self.application.outputs_are_lost(&mut self.dictionary, now, why);
     }
 
-    fn show_state(&mut self) {
+    fn write_al_status(&mut self) {
         let error = if self.error.is_some() { 0x10 } else { 0 };
         self.controller.memory.set(AL_STATUS, &[self.state as u8 | error, 0]);
         let code = self.error.unwrap_or(AlStatusCode::NoError) as u16;
         self.controller.memory.set(AL_STATUS_CODE, &code.to_le_bytes());
-        if self.settings.is_emulated {
+        if self.settings.has_device_emulation {
             self.controller.memory.set(AL_CONTROL, &[self.state as u8, 0]);
         }
     }

@@ -6,41 +6,43 @@ use crate::frame::{Access, Command, Datagram};
 
 impl Device {
     /// What a datagram does as it passes.
-    pub(crate) fn pass(&mut self, mut datagram: Datagram<'_>, now: u64) {
-        let is_at = |d: &Datagram<'_>| d.device() == 0;
-        let is_named = |d: &Datagram<'_>| d.device() == self.controller.station();
+    pub(crate) fn process_datagram(&mut self, mut datagram: Datagram<'_>, now: u64) {
+        let is_at_position = |d: &Datagram<'_>| d.device() == 0;
+        let has_station_address =
+            |d: &Datagram<'_>| d.device() == self.controller.station_address();
         match datagram.command {
             Command::Nop => {}
             Command::Position(access) => {
-                if is_at(&datagram) {
+                if is_at_position(&datagram) {
                     self.access(access, &mut datagram, false, now);
                 }
-                datagram.count_position();
+                datagram.increment_position();
             }
-            Command::Station(access) if is_named(&datagram) => {
+            Command::Station(access) if has_station_address(&datagram) => {
                 self.access(access, &mut datagram, false, now);
             }
             Command::Station(_) => {}
             Command::Broadcast(access) => {
                 self.access(access, &mut datagram, true, now);
-                datagram.count_position();
+                datagram.increment_position();
             }
             Command::Logical(access) => {
                 let address = datagram.logical();
                 let count = self.controller.logical(address, access, datagram.data, now);
-                datagram.count(count);
+                datagram.increment_working_counter(count);
             }
             Command::PositionReadMultipleWrite => {
-                let access = if is_at(&datagram) { Access::Read } else { Access::Write };
+                let access = if is_at_position(&datagram) { Access::Read } else { Access::Write };
                 self.access(access, &mut datagram, false, now);
-                datagram.count_position();
+                datagram.increment_position();
             }
             Command::StationReadMultipleWrite => {
-                let access = if is_named(&datagram) { Access::Read } else { Access::Write };
+                let access =
+                    if has_station_address(&datagram) { Access::Read } else { Access::Write };
                 self.access(access, &mut datagram, false, now);
             }
         }
-        self.notice(now);
+        self.handle_events(now);
     }
 
     /// An access to physical memory; `or` adds bits to what is in the frame.
@@ -54,21 +56,23 @@ impl Device {
                 *to = if or { *to | from } else { *from };
             }
         }
-        let for_write = if access == Access::ReadWrite { 2 } else { 1 };
-        datagram.count(u16::from(was_read) + if was_written { for_write } else { 0 });
+        let write_increment = if access == Access::ReadWrite { 2 } else { 1 };
+        datagram.increment_working_counter(
+            u16::from(was_read) + if was_written { write_increment } else { 0 },
+        );
     }
 
     /// Takes notice of what a datagram has done.
-    fn notice(&mut self, now: u64) {
+    fn handle_events(&mut self, now: u64) {
         for event in self.controller.take_events() {
             match event {
-                Event::StateRequest(byte) => {
+                Event::AlControlWritten(byte) => {
                     self.requested = Some((now + self.settings.state_change_time, byte));
                 }
-                Event::Request => self.answer_due = Some(now + self.settings.mailbox_time),
-                Event::Fetched => self.post(),
-                Event::RepeatRequest => self.repeat(),
-                Event::Outputs => self.outputs_came(now),
+                Event::MailboxWritten => self.answer_due = Some(now + self.settings.mailbox_time),
+                Event::MailboxRead => self.fill_with_next(),
+                Event::RepeatRequest => self.repeat_last(),
+                Event::OutputsWritten => self.outputs_written(now),
             }
         }
     }

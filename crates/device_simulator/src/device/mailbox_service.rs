@@ -9,7 +9,7 @@ impl Device {
     /// Answers the request that lies in the mailbox.
     pub(super) fn answer(&mut self) {
         let Some([requests, _]) = self.settings.mailbox else { return };
-        if self.faults.contains(&Fault::MailboxStuck) || self.state == State::Init {
+        if self.faults.contains(&Fault::MailboxNotServed) || self.state == State::Init {
             return;
         }
         let bytes =
@@ -18,10 +18,10 @@ impl Device {
         match mailbox::request(&bytes) {
             Request::Sdo(sdo) => {
                 if let Some(response) = self.sdo(&sdo) {
-                    self.send(|counter| mailbox::sdo_answer(counter, &response));
+                    self.send(|counter| mailbox::sdo_response(counter, &response));
                 }
             }
-            Request::Information => self.send(mailbox::no_information),
+            Request::Information => self.send(mailbox::sdo_information_error),
             Request::Unsupported => self.send(|counter| mailbox::error(counter, 2)),
             Request::Malformed => self.send(|counter| mailbox::error(counter, 1)),
         }
@@ -29,7 +29,8 @@ impl Device {
 
     /// Answers an SDO request.
     fn sdo(&mut self, request: &[u8]) -> Option<Vec<u8>> {
-        let room = self.settings.mailbox.map_or(0, |[_, answers]| usize::from(answers.length));
+        let mailbox_length =
+            self.settings.mailbox.map_or(0, |[_, answers]| usize::from(answers.length));
         let refused = |key: Key, faults: &[Fault]| {
             faults.iter().find_map(|fault| match fault {
                 Fault::SdoAbort(at, abort) if *at == key => Some(*abort),
@@ -43,50 +44,50 @@ impl Device {
         let write = |key: Key, value: &[u8]| -> Result<(), Abort> {
             refused(key, faults).map_or(Ok(()), Err)?;
             dictionary.write(key, value, is_preop)?;
-            let taken = application.written(dictionary, key);
-            if taken.is_err() {
+            let accepted = application.written(dictionary, key);
+            if accepted.is_err() {
                 *dictionary = before.clone();
             }
-            taken
+            accepted
         };
         let read = |key: Key| -> Result<Vec<u8>, Abort> {
             refused(key, faults).map_or(Ok(()), Err)?;
             before.object(key).map(|object| object.value.clone())
         };
-        mailbox::answer(request, room, read, write)
+        mailbox::answer(request, mailbox_length, read, write)
     }
 
     /// Sends a message with the next counter, after those that wait.
     pub(super) fn send(&mut self, message: impl FnOnce(u8) -> Vec<u8>) {
-        self.counter = self.counter % 7 + 1;
-        self.answers.push_back(message(self.counter));
-        self.post();
+        self.mailbox_counter = self.mailbox_counter % 7 + 1;
+        self.answers.push_back(message(self.mailbox_counter));
+        self.fill_with_next();
     }
 
     /// Puts the next message into the mailbox, where that is empty.
-    pub(super) fn post(&mut self) {
+    pub(super) fn fill_with_next(&mut self) {
         let Some([_, area]) = self.settings.mailbox else { return };
         if SyncManager::is_full(&self.controller.memory, area.sync_manager) {
             return;
         }
         if let Some(message) = self.answers.pop_front() {
             self.last_answer = message;
-            self.fill(area);
+            self.fill_mailbox(area);
         }
     }
 
     /// The last message is repeated; its toggle is confirmed.
-    pub(super) fn repeat(&mut self) {
+    pub(super) fn repeat_last(&mut self) {
         let Some([_, area]) = self.settings.mailbox else { return };
         let at = 0x0806 + 8 * area.sync_manager;
         let toggle = self.controller.memory.u8(at) & 2;
         if !self.last_answer.is_empty() {
-            self.fill(area);
+            self.fill_mailbox(area);
         }
         self.controller.memory.set(at + 1, &[toggle]);
     }
 
-    fn fill(&mut self, area: Area) {
+    fn fill_mailbox(&mut self, area: Area) {
         let to = self.controller.memory.bytes_mut(area.start, usize::from(area.length));
         to.fill(0);
         to.iter_mut().zip(&self.last_answer).for_each(|(to, from)| *to = *from);

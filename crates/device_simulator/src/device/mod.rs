@@ -18,7 +18,7 @@ use crate::application::Application;
 use crate::controller::{Controller, DistributedClock, Eeprom};
 use crate::mailbox;
 use crate::object_dictionary::{MappedEntry, ObjectDictionary};
-use process_data::Synchrony;
+use process_data::SyncCounters;
 use std::collections::VecDeque;
 
 /// Simulated EtherCAT device: controller, state machine, mailbox, object dictionary and application.
@@ -34,18 +34,18 @@ pub struct Device {
     /// Requested state, and when it is due \[ns\].
     requested: Option<(u64, u8)>,
     /// When SAFEOP was asked to go to OP \[ns\].
-    waiting: Option<u64>,
+    op_requested_at: Option<u64>,
     outputs: Vec<MappedEntry>,
     inputs: Vec<MappedEntry>,
-    synchrony: Synchrony,
+    sync_counters: SyncCounters,
     /// When the request in the mailbox is answered \[ns\].
     answer_due: Option<u64>,
     answers: VecDeque<Vec<u8>>,
     last_answer: Vec<u8>,
-    counter: u8,
+    mailbox_counter: u8,
     faults: Vec<Fault>,
     /// Frames that came by a damaged cable.
-    frames: u32,
+    received_frames: u32,
     /// How far time has gone \[ns\].
     now: u64,
 }
@@ -75,16 +75,16 @@ impl Device {
             state: State::Init,
             error: None,
             requested: None,
-            waiting: None,
+            op_requested_at: None,
             outputs: Vec::new(),
             inputs: Vec::new(),
-            synchrony: Synchrony::default(),
+            sync_counters: SyncCounters::default(),
             answer_due: None,
             answers: VecDeque::new(),
             last_answer: Vec::new(),
-            counter: 0,
+            mailbox_counter: 0,
             faults: Vec::new(),
-            frames: 0,
+            received_frames: 0,
             now: 0,
         }
     }
@@ -103,11 +103,11 @@ impl Device {
     pub fn inject(&mut self, fault: Fault, now: u64) {
         match fault {
             Fault::StateDrop(code) => self.fail(State::SafeOp, code, now),
-            Fault::SyncMissing => self.controller.clock.is_silent = true,
+            Fault::Sync0Missing => self.controller.clock.is_sync0_suppressed = true,
             Fault::Drift(by) => self.controller.clock.drift_ppb += by,
             Fault::Emergency(message) => self.send(|counter| mailbox::emergency(counter, message)),
-            Fault::Deaf(_)
-            | Fault::MailboxStuck
+            Fault::FramesIgnored(_)
+            | Fault::MailboxNotServed
             | Fault::SdoAbort(..)
             | Fault::DamagedCable { .. } => self.faults.push(fault),
         }
@@ -116,16 +116,16 @@ impl Device {
     /// Removes all lasting injected faults.
     pub fn clear_faults(&mut self) {
         self.faults.clear();
-        self.controller.clock.is_silent = false;
+        self.controller.clock.is_sync0_suppressed = false;
     }
 
     /// Begins with a frame: one that the device does not hear passes it untouched.
-    pub(crate) fn hears(&mut self) -> bool {
-        let deaf = self.faults.iter_mut().find_map(|fault| match fault {
-            Fault::Deaf(frames) if *frames > 0 => Some(frames),
+    pub(crate) fn accepts_frame(&mut self) -> bool {
+        let ignored = self.faults.iter_mut().find_map(|fault| match fault {
+            Fault::FramesIgnored(frames) if *frames > 0 => Some(frames),
             _ => None,
         });
-        if let Some(frames) = deaf {
+        if let Some(frames) = ignored {
             *frames -= 1;
             return false;
         }
@@ -133,16 +133,20 @@ impl Device {
     }
 
     /// A frame comes by a port; whether it came undamaged. A damaged one is counted.
-    pub(crate) fn receives(&mut self, port: u8) -> bool {
-        let is_here = |fault: &Fault| match fault {
-            Fault::DamagedCable { port: at, one_of } if *at == port => Some(*one_of),
+    pub(crate) fn receives_undamaged(&mut self, port: u8) -> bool {
+        let damage_at_port = |fault: &Fault| match fault {
+            Fault::DamagedCable { port: at, frames_per_error } if *at == port => {
+                Some(*frames_per_error)
+            }
             _ => None,
         };
-        let Some(one_of) = self.faults.iter().find_map(is_here).filter(|one_of| *one_of > 0) else {
+        let Some(frames_per_error) =
+            self.faults.iter().find_map(damage_at_port).filter(|frames| *frames > 0)
+        else {
             return true;
         };
-        self.frames = self.frames.wrapping_add(1);
-        if !self.frames.is_multiple_of(one_of) {
+        self.received_frames = self.received_frames.wrapping_add(1);
+        if !self.received_frames.is_multiple_of(frames_per_error) {
             return true;
         }
         self.controller.count_damaged_frame(port);
@@ -160,15 +164,16 @@ impl Device {
             let watchdog = (self.state == State::Op)
                 .then(|| controller.watchdog.due(&controller.memory))
                 .flatten();
-            let patience = self.waiting.map(|since| since + self.settings.synchronisation.patience);
+            let op_timeout =
+                self.op_requested_at.map(|since| since + self.settings.synchronisation.op_timeout);
             let requested = self.requested.map(|(due, _)| due);
-            let due = [sync, watchdog, requested, self.answer_due, patience];
+            let due = [sync, watchdog, requested, self.answer_due, op_timeout];
             let Some(first) = due.into_iter().flatten().min().filter(|first| *first <= now) else {
                 break;
             };
             self.application.advance(&mut self.dictionary, first);
             if sync == Some(first) {
-                self.controller.clock.pulse(&self.controller.memory);
+                self.controller.clock.advance_sync0(&self.controller.memory);
                 self.sync0(first);
             } else if watchdog == Some(first) {
                 self.controller.watchdog.expire(&mut self.controller.memory);
@@ -181,8 +186,8 @@ impl Device {
                 self.answer_due = None;
                 self.answer();
             } else {
-                self.waiting = None;
-                let code = match self.uses_sync0() && !self.synchrony.has_pulsed {
+                self.op_requested_at = None;
+                let code = match self.uses_sync0() && !self.sync_counters.has_received_sync0 {
                     true => AlStatusCode::NoSynchronisation,
                     false => AlStatusCode::NoValidOutputs,
                 };

@@ -7,18 +7,18 @@ use crate::object_dictionary::{mapped_bytes, pack, unpack};
 
 /// Outputs and SYNC0 events received since the device went into SAFEOP.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Synchrony {
+pub(super) struct SyncCounters {
     /// When outputs came last \[ns\].
     pub(super) outputs: Option<u64>,
-    pub(super) has_pulsed: bool,
+    pub(super) has_received_sync0: bool,
     /// Outputs since the last SYNC0.
-    since_pulse: u32,
+    outputs_since_sync0: u32,
     /// Missed cycles, a missed one for three.
     missed: u32,
 }
 
 /// Weight of a missed cycle; a good one takes one back.
-const MISSED: u32 = 3;
+const MISSED_CYCLE_WEIGHT: u32 = 3;
 
 impl Device {
     /// Whether outputs and inputs go by SYNC0.
@@ -27,27 +27,27 @@ impl Device {
     }
 
     /// Whole outputs were written.
-    pub(super) fn outputs_came(&mut self, now: u64) {
+    pub(super) fn outputs_written(&mut self, now: u64) {
         if self.state < State::SafeOp {
             return;
         }
-        self.synchrony.outputs = Some(now);
-        self.synchrony.since_pulse += 1;
+        self.sync_counters.outputs = Some(now);
+        self.sync_counters.outputs_since_sync0 += 1;
         if !self.uses_sync0() {
-            self.take_outputs(now);
-            self.take_inputs(now);
+            self.transfer_outputs(now);
+            self.latch_inputs(now);
         } else if self.state == State::Op
-            && self.synchrony.since_pulse > self.settings.synchronisation.missed_limit
+            && self.sync_counters.outputs_since_sync0 > self.settings.synchronisation.missed_limit
         {
             self.fail(State::SafeOp, AlStatusCode::FatalSynchronisationError, now);
         }
-        self.operate(now);
+        self.enter_op_when_ready(now);
     }
 
     /// Enters OP where that was waited for.
-    fn operate(&mut self, now: u64) {
-        if self.waiting.is_some() && self.may_operate() {
-            self.waiting = None;
+    fn enter_op_when_ready(&mut self, now: u64) {
+        if self.op_requested_at.is_some() && self.is_ready_for_op() {
+            self.op_requested_at = None;
             self.enter(State::Op, now);
         }
     }
@@ -57,37 +57,37 @@ impl Device {
         if self.state < State::SafeOp {
             return;
         }
-        self.synchrony.has_pulsed = true;
+        self.sync_counters.has_received_sync0 = true;
         let cycle = u64::from(DistributedClock::settings(&self.controller.memory).1[0]);
-        let set_up = self.settings.synchronisation.set_up;
+        let set_up_time = self.settings.synchronisation.set_up_time;
         // a device without outputs waits for none
         let is_in_time = self.outputs.is_empty()
             || self
-                .synchrony
+                .sync_counters
                 .outputs
-                .is_some_and(|came| came + set_up <= now && now - came <= cycle);
-        let missed = &mut self.synchrony.missed;
-        *missed = if is_in_time { missed.saturating_sub(1) } else { *missed + MISSED };
-        let limit = MISSED * self.settings.synchronisation.missed_limit;
+                .is_some_and(|arrival| arrival + set_up_time <= now && now - arrival <= cycle);
+        let missed = &mut self.sync_counters.missed;
+        *missed = if is_in_time { missed.saturating_sub(1) } else { *missed + MISSED_CYCLE_WEIGHT };
+        let limit = MISSED_CYCLE_WEIGHT * self.settings.synchronisation.missed_limit;
         if self.state == State::Op && *missed > limit {
             self.fail(State::SafeOp, AlStatusCode::SynchronisationError, now);
         } else if self.state != State::Op {
             *missed = 0;
         }
-        self.synchrony.since_pulse = 0;
-        self.take_outputs(now);
-        self.take_inputs(now);
-        self.operate(now);
+        self.sync_counters.outputs_since_sync0 = 0;
+        self.transfer_outputs(now);
+        self.latch_inputs(now);
+        self.enter_op_when_ready(now);
     }
 
-    fn take_outputs(&mut self, now: u64) {
+    fn transfer_outputs(&mut self, now: u64) {
         let Some(area) = self.settings.outputs.filter(|_| self.state == State::Op) else { return };
         let bytes = self.controller.memory.bytes(area.start, mapped_bytes(&self.outputs));
         unpack(&self.outputs, bytes, &mut self.dictionary);
         self.application.outputs(&mut self.dictionary, now);
     }
 
-    pub(super) fn take_inputs(&mut self, now: u64) {
+    pub(super) fn latch_inputs(&mut self, now: u64) {
         self.application.inputs(&mut self.dictionary, now);
         let Some(area) = self.settings.inputs else { return };
         let length = mapped_bytes(&self.inputs);

@@ -22,7 +22,10 @@ pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     // interface, of which a checksum is made: an application's bus, or 16 digital channels
     put(
         0,
-        &[if settings.is_emulated { 0x04 } else { 0x05 }, if settings.is_emulated { 1 } else { 0 }],
+        &[
+            if settings.has_device_emulation { 0x04 } else { 0x05 },
+            if settings.has_device_emulation { 1 } else { 0 },
+        ],
     );
     let identity = settings.identity;
     for (k, number) in [identity.vendor, identity.product, identity.revision, identity.serial]
@@ -46,7 +49,7 @@ pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     let name = format!("{}{SIMULATED}", settings.name);
     category(&mut bytes, 10, &strings(&[&name]));
     category(&mut bytes, 30, &general(settings));
-    category(&mut bytes, 40, &uses_of_fmmus(settings));
+    category(&mut bytes, 40, &fmmu_usages(settings));
     category(&mut bytes, 41, &sync_managers(settings));
     for (kind, assignment, area) in [(50, 0x1c13, settings.inputs), (51, 0x1c12, settings.outputs)]
     {
@@ -105,10 +108,10 @@ fn general(settings: &Settings) -> Vec<u8> {
 }
 
 /// What each FMMU is for: outputs, inputs, state of the mailbox.
-fn uses_of_fmmus(settings: &Settings) -> Vec<u8> {
-    let uses =
+fn fmmu_usages(settings: &Settings) -> Vec<u8> {
+    let usages =
         [settings.outputs.map(|_| 1), settings.inputs.map(|_| 2), settings.mailbox.map(|_| 3)];
-    uses.into_iter().flatten().collect()
+    usages.into_iter().flatten().collect()
 }
 
 /// Each sync manager: memory, control, whether it is enabled, what it is for.

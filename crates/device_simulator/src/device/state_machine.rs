@@ -126,17 +126,17 @@ fn buffer(
     area: Area,
     control: u8,
     bytes: usize,
-    otherwise: AlStatusCode,
+    mismatch: AlStatusCode,
 ) -> Result<(), AlStatusCode> {
     let manager = SyncManager::of(memory, area.sync_manager);
     if bytes == 0 {
-        return if manager.is_enabled && manager.length > 0 { Err(otherwise) } else { Ok(()) };
+        return if manager.is_enabled && manager.length > 0 { Err(mismatch) } else { Ok(()) };
     }
     if !manager.is_enabled || manager.control & MODE_AND_DIRECTION != control & MODE_AND_DIRECTION {
         return Err(AlStatusCode::InvalidSyncManager);
     }
     if manager.start != area.start || usize::from(manager.length) != bytes {
-        return Err(otherwise);
+        return Err(mismatch);
     }
     Ok(())
 }
@@ -144,11 +144,11 @@ fn buffer(
 /// A watchdog that the device insists on.
 fn watchdog(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     let Some(longest) = settings.longest_watchdog else { return Ok(()) };
-    let is_fed = settings
+    let is_triggered = settings
         .outputs
-        .is_some_and(|area| SyncManager::of(memory, area.sync_manager).feeds_watchdog());
+        .is_some_and(|area| SyncManager::of(memory, area.sync_manager).triggers_watchdog());
     match Watchdog::time(memory) {
-        Some(time) if is_fed && time <= longest => Ok(()),
+        Some(time) if is_triggered && time <= longest => Ok(()),
         _ => Err(AlStatusCode::InvalidWatchdog),
     }
 }
@@ -162,21 +162,25 @@ fn synchronisation(
     settings: &Settings,
     dictionary: &ObjectDictionary,
 ) -> Result<(), AlStatusCode> {
-    let can = settings.synchronisation;
+    let supported = settings.synchronisation;
     let ([sync0, sync1], [cycle0, cycle1]) = DistributedClock::settings(memory);
     if !sync0 && !sync1 {
-        return if can.may_run_free { Ok(()) } else { Err(AlStatusCode::FreeRunNotSupported) };
+        return if supported.supports_free_run {
+            Ok(())
+        } else {
+            Err(AlStatusCode::FreeRunNotSupported)
+        };
     }
-    if !sync0 || !can.has_sync0 || sync1 && !can.has_sync1 {
+    if !sync0 || !supported.has_sync0 || sync1 && !supported.has_sync1 {
         return Err(AlStatusCode::InvalidSyncConfiguration);
     }
     if dictionary.object(SYNCHRONISATION_TYPE).is_ok() {
-        let wanted = if sync1 { 3 } else { 2 };
-        if dictionary.unsigned(SYNCHRONISATION_TYPE) != wanted {
+        let expected = if sync1 { 3 } else { 2 };
+        if dictionary.unsigned(SYNCHRONISATION_TYPE) != expected {
             return Err(AlStatusCode::InvalidSyncConfiguration);
         }
     }
-    if cycle0 < can.base_cycle || cycle0 % can.base_cycle != 0 {
+    if cycle0 < supported.base_cycle || cycle0 % supported.base_cycle != 0 {
         return Err(AlStatusCode::InvalidSync0Cycle);
     }
     // SYNC1 comes a time after SYNC0 that is shorter than its cycle, or a multiple of it

@@ -58,13 +58,13 @@ const ABORT: u8 = 4;
 
 /// Answer to an SDO request with a mailbox counter and the SDO part of the message. An abort has the service of a
 /// request: a main device that looks at the service first (SOEM) reads it as data otherwise.
-pub fn sdo_answer(counter: u8, data: &[u8]) -> Vec<u8> {
+pub fn sdo_response(counter: u8, data: &[u8]) -> Vec<u8> {
     let is_abort = data.first().is_some_and(|command| command >> 5 == ABORT);
     coe(if is_abort { SDO_REQUEST } else { SDO_RESPONSE }, counter, data)
 }
 
 /// Answer to an SDO information request: error, as the service is not supported.
-pub fn no_information(counter: u8) -> Vec<u8> {
+pub fn sdo_information_error(counter: u8) -> Vec<u8> {
     let abort = (crate::object_dictionary::Abort::UnsupportedAccess as u32).to_le_bytes();
     coe(SDO_INFORMATION, counter, &[&[7, 0, 0, 0], &abort[..]].concat())
 }
@@ -97,7 +97,7 @@ mod tests {
     /// ETG.1000.6: a response has service 3, an abort that of a request, 2.
     #[test]
     fn an_abort_has_the_service_of_a_request() {
-        let service = |command: u8| sdo_answer(1, &[command, 0x18, 0x10, 0, 0, 0, 0, 0])[7] >> 4;
+        let service = |command: u8| sdo_response(1, &[command, 0x18, 0x10, 0, 0, 0, 0, 0])[7] >> 4;
         assert_eq!([0x43, 0x60, 0x80].map(service), [3, 3, 2]);
     }
 }

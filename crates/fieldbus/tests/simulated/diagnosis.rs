@@ -197,11 +197,11 @@ fn synchronisation_that_the_device_does_not_have_or_is_not_set_up_for_is_named()
 #[test]
 fn a_damaged_cable_is_named_before_what_it_makes_of_the_bus() {
     let mut case = Case::new();
-    case.devices[2].inject(Fault::DamagedCable { port: 0, one_of: 50 }, 0);
+    case.devices[2].inject(Fault::DamagedCable { port: 0, frames_per_error: 50 }, 0);
     case.error(&["frames are damaged", "between drive (position 1) and inputs (position 2)"]);
 
     let mut case = Case::new();
-    case.devices[0].inject(Fault::DamagedCable { port: 1, one_of: 50 }, 0);
+    case.devices[0].inject(Fault::DamagedCable { port: 1, frames_per_error: 50 }, 0);
     case.error(&["frames are damaged", "between coupler (position 0) and drive (position 1)"]);
 
     let counted = |register: u16, count: u8| {

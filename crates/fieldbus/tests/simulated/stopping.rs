@@ -131,7 +131,7 @@ const FAULTS: [(&str, Injection, Fault); 8] = [
     ),
     (
         "SYNC0 stays away",
-        |m| m.drive(|d| d.inject(DeviceFault::SyncMissing, now())),
+        |m| m.drive(|d| d.inject(DeviceFault::Sync0Missing, now())),
         Fault::StateDropped { device: 1, code: 0x2c },
     ),
     (
