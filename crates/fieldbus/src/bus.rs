@@ -297,10 +297,10 @@ impl<L: Link> Bus<L> {
             self.exchange(due, true);
         }
         let Seen { is_lost, is_low, .. } = self.cycle;
-        if self.lost.take(is_lost) {
+        if self.lost.record(is_lost) {
             self.stop(Fault::FramesLost);
         }
-        if self.low.take(is_low) {
+        if self.low.record(is_low) {
             self.stop(Fault::WorkingCounter);
         }
         self.side.show(self.drives.iter().all(Drive::is_enabled), self.fault());
@@ -364,16 +364,16 @@ impl<L: Link> Bus<L> {
         let sent = now();
         if self.side.is_withheld() {
             // a test of the devices' watchdogs: no frame is sent, as with a broken cable
-            self.pace.see(sent, None);
+            self.pace.update(sent, None);
             self.cycle.is_lost = true;
             return false;
         }
         self.counters.exchanges += 1;
         let is_late = sent.saturating_sub(due) > self.table.bus.period / 2;
         self.counters.late_begins += u64::from(is_late);
-        let end = self.pace.answer_end(sent, &self.table.bus, MARGIN);
+        let end = self.pace.answer_deadline(sent, &self.table.bus, MARGIN);
         let answer = self.wire.run_until(self.group.tx_rx_dc(main), end).and_then(Result::ok);
-        self.pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+        self.pace.update(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
         let Some(answer) = answer else {
             self.counters.lost += 1;
             self.cycle.is_lost = true;
@@ -445,7 +445,7 @@ impl<L: Link> Bus<L> {
 
     /// A device did not answer: a fault where this loss exceeds the limit of the window.
     fn silent(&mut self, device: u16) {
-        if self.low.is_used_up() {
+        if self.low.is_at_limit() {
             self.stop(Fault::DeviceSilent { device });
         }
     }

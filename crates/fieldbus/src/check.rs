@@ -72,7 +72,7 @@ impl Display for Mismatch {
 }
 
 /// Relative tolerance of velocity units.
-const SAME_UNIT: f64 = 1e-6;
+const UNIT_TOLERANCE: f64 = 1e-6;
 /// Target velocity and velocity actual value.
 const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
 
@@ -105,8 +105,8 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
     if found.is_empty() {
         for drive in &table.drives {
             let (row, device) = (&table.devices[drive.device], &facts[drive.device]);
-            found.extend(mode(drive.device, row, device));
-            found.extend(velocities(table, drive.device, device));
+            found.extend(mode_of_operation(drive.device, row, device));
+            found.extend(velocity_units(table, drive.device, device));
         }
     }
     found
@@ -115,7 +115,7 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
 fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let [vendor, product, revision] = device.identity;
     let [low, high] = row.revision;
-    let of = format!(
+    let described = format!(
         "position {position} is {} (vendor 0x{vendor:08X}, product 0x{product:08X}, revision \
         0x{revision:08X})",
         device.name
@@ -124,7 +124,7 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mi
         return Some(Mismatch {
             subject: Subject::Devices,
             cause: format!(
-                "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there",
+                "{described}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there",
                 row.name, row.vendor, row.product
             ),
             advice: "check the order of the devices, or correct the table".into(),
@@ -132,7 +132,7 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mi
     }
     (!(low..=high).contains(&revision)).then(|| Mismatch {
         subject: Subject::Devices,
-        cause: format!("{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}"),
+        cause: format!("{described}, the table allows revisions 0x{low:08X} to 0x{high:08X}"),
         advice: "read in its release notes what changed, then widen the range".into(),
     })
 }
@@ -144,14 +144,14 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<M
     ];
     sides
         .into_iter()
-        .filter(|(_, _, table, device)| !same(table, device))
+        .filter(|(_, _, table, device)| !is_same_mapping(table, device))
         .map(|(side, object, table, device)| Mismatch {
             subject: Subject::ProcessData,
             cause: format!(
                 "{side} of {} (position {position}) are {} ({object} or EEPROM), the table has {}",
                 row.name,
-                text(device),
-                text(table)
+                mapping_text(device),
+                mapping_text(table)
             ),
             advice: match row.is_mapping_written {
                 true => "it did not accept the mapping that was written: correct the table by its manual",
@@ -165,14 +165,14 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<M
 }
 
 /// Whether both have the same entries in the same order. PDOs without entries are ignored.
-fn same(one: &[Pdo], other: &[Pdo]) -> bool {
+fn is_same_mapping(one: &[Pdo], other: &[Pdo]) -> bool {
     let used = |lists: &[Pdo]| -> Vec<Pdo> {
         lists.iter().filter(|list| !list.entries.is_empty()).cloned().collect()
     };
     used(one) == used(other)
 }
 
-fn text(lists: &[Pdo]) -> String {
+fn mapping_text(lists: &[Pdo]) -> String {
     let list = |pdo: &Pdo| {
         let entries: Vec<String> = pdo.entries.iter().map(ToString::to_string).collect();
         format!("0x{:04X} [{}]", pdo.list, entries.join(", "))
@@ -186,8 +186,8 @@ fn text(lists: &[Pdo]) -> String {
 
 fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let subject = Subject::Synchronisation;
-    let wanted = row.sync.activation();
-    if wanted == 0 {
+    let expected = row.sync.activation();
+    if expected == 0 {
         return None;
     }
     if !device.has_clock {
@@ -200,18 +200,18 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
             advice: "set sync = \"none\"".into(),
         });
     }
-    let has = device.activations.iter().any(|mode| mode & 0x0700 == wanted);
+    let is_supported = device.activations.iter().any(|mode| mode & 0x0700 == expected);
     let modes: Vec<String> =
         device.activations.iter().map(|mode| format!("0x{mode:04X}")).collect();
     let name = match row.sync {
         Sync::Sync01(_) => "SYNC0 and SYNC1",
         _ => "SYNC0",
     };
-    (!has && !device.activations.is_empty()).then(|| Mismatch {
+    (!is_supported && !device.activations.is_empty()).then(|| Mismatch {
         subject,
         cause: format!(
             "{} (position {position}) has the activations {} in its EEPROM, the table asks for \
-            0x{wanted:04X} ({name})",
+            0x{expected:04X} ({name})",
             row.name,
             modes.join(", ")
         ),
@@ -219,7 +219,7 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
     })
 }
 
-fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
+fn mode_of_operation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let modes = device.modes?;
     (modes & HAS_CYCLIC_VELOCITY == 0).then(|| Mismatch {
         subject: Subject::Drive,
@@ -233,7 +233,7 @@ fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismat
 }
 
 /// Compares the velocity unit that a drive states with the table's factors.
-fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Mismatch> {
+fn velocity_units(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Mismatch> {
     let Some(unit) = device.velocity_unit else { return Vec::new() };
     let row = &table.devices[position];
     let place = |lists: &[Pdo], index: u16| {
@@ -254,7 +254,7 @@ fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Misma
             let lists = if *index == VELOCITIES[0] { &row.outputs } else { &row.inputs };
             at.device == position && Some(at.bit) == place(lists, *index)
         })
-        .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > SAME_UNIT)
+        .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > UNIT_TOLERANCE)
         .map(|(_, scale, index)| Mismatch {
             subject: Subject::Drive,
             cause: format!(

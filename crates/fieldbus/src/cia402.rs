@@ -45,14 +45,14 @@ impl DriveState {
 
     /// The controlword of the next transition towards operation enabled, or away from it. It never resets a fault:
     /// [`FAULT_RESET`] is sent on a person's request only.
-    pub fn controlword(self, is_operation_wanted: bool) -> u16 {
+    pub fn controlword(self, is_operation_requested: bool) -> u16 {
         match self {
             Self::NotReady | Self::Fault | Self::FaultReactionActive => 0x0000,
             // disable voltage: a quick stop is not cancelled
             Self::QuickStopActive => 0x0000,
             Self::SwitchOnDisabled => 0x0006,
-            Self::ReadyToSwitchOn if is_operation_wanted => 0x0007,
-            Self::SwitchedOn | Self::OperationEnabled if is_operation_wanted => 0x000f,
+            Self::ReadyToSwitchOn if is_operation_requested => 0x0007,
+            Self::SwitchedOn | Self::OperationEnabled if is_operation_requested => 0x000f,
             _ => 0x0006,
         }
     }
@@ -128,10 +128,10 @@ mod tests {
     #[test]
     fn no_controlword_resets_a_fault_or_enables_without_request() {
         let states = (0..=u16::MAX).map(DriveState::of);
-        for (state, wanted) in states.flat_map(|state| [(state, false), (state, true)]) {
-            let word = state.controlword(wanted);
+        for (state, requested) in states.flat_map(|state| [(state, false), (state, true)]) {
+            let word = state.controlword(requested);
             assert_eq!(word & FAULT_RESET, 0);
-            assert!(wanted || word & 0x000f != 0x000f);
+            assert!(requested || word & 0x000f != 0x000f);
         }
     }
 }

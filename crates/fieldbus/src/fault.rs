@@ -154,33 +154,33 @@ impl Fault {
 /// Cycles with a loss in a sliding window: more of them than a limit are a fault.
 #[derive(Clone, Debug)]
 pub(crate) struct LossWindow {
-    most: u32,
-    was_lost: Vec<bool>,
-    at: usize,
+    limit: u32,
+    losses: Vec<bool>,
+    newest: usize,
     count: u32,
 }
 
 impl LossWindow {
-    pub(crate) fn new(most: u32, cycles: u32) -> Self {
-        Self { most, was_lost: vec![false; cycles.max(1) as usize], at: 0, count: 0 }
+    pub(crate) fn new(limit: u32, cycles: u32) -> Self {
+        Self { limit, losses: vec![false; cycles.max(1) as usize], newest: 0, count: 0 }
     }
 
     /// Adds a cycle; returns whether the losses now exceed the limit.
-    pub(crate) fn take(&mut self, is_lost: bool) -> bool {
-        self.at = (self.at + 1) % self.was_lost.len();
-        let before = std::mem::replace(&mut self.was_lost[self.at], is_lost);
+    pub(crate) fn record(&mut self, is_lost: bool) -> bool {
+        self.newest = (self.newest + 1) % self.losses.len();
+        let before = std::mem::replace(&mut self.losses[self.newest], is_lost);
         self.count = self.count + u32::from(is_lost) - u32::from(before);
-        self.count > self.most
+        self.count > self.limit
     }
 
     /// Whether a loss in the next cycle would exceed the limit; the oldest cycle will have left the window by then.
-    pub(crate) fn is_used_up(&self) -> bool {
-        let leaving = self.was_lost[(self.at + 1) % self.was_lost.len()];
-        self.count - u32::from(leaving) >= self.most
+    pub(crate) fn is_at_limit(&self) -> bool {
+        let oldest = self.losses[(self.newest + 1) % self.losses.len()];
+        self.count - u32::from(oldest) >= self.limit
     }
 
     pub(crate) fn clear(&mut self) {
-        self.was_lost.fill(false);
+        self.losses.fill(false);
         self.count = 0;
     }
 }
@@ -192,16 +192,17 @@ mod tests {
     #[test]
     fn lost_frames_count_until_the_window_has_passed() {
         let mut window = LossWindow::new(2, 10);
-        let mut at = |lost: &[usize], end: usize| (0..end).any(|k| window.take(lost.contains(&k)));
+        let mut at =
+            |lost: &[usize], end: usize| (0..end).any(|k| window.record(lost.contains(&k)));
         assert!(at(&[0, 4, 9], 10), "three in ten");
         let mut window = LossWindow::new(2, 10);
-        assert!(!(0..100).any(|k| window.take(k % 5 == 0)), "two in any ten");
+        assert!(!(0..100).any(|k| window.record(k % 5 == 0)), "two in any ten");
         // the prediction for the next cycle is right
         let mut window = LossWindow::new(2, 10);
         for k in 0..100 {
-            let (is_used_up, mut next) = (window.is_used_up(), window.clone());
-            assert_eq!(next.take(true), is_used_up, "{k}");
-            window.take(k % 5 == 0);
+            let (is_at_limit, mut next) = (window.is_at_limit(), window.clone());
+            assert_eq!(next.record(true), is_at_limit, "{k}");
+            window.record(k % 5 == 0);
         }
     }
 

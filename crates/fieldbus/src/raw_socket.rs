@@ -27,7 +27,7 @@ const LARGEST_FRAME: usize = 1536;
 pub struct RawSocket {
     socket: Socket,
     /// Keeps other processes of this program away from the interface, until it is dropped or the process ends.
-    _taken: UnixListener,
+    _lock: UnixListener,
 }
 
 impl RawSocket {
@@ -60,12 +60,12 @@ impl RawSocket {
         let socket = socket(&link).map_err(of)?;
         // an abstract socket name in the network namespace, which the kernel frees when its process ends
         let name = SocketAddr::from_abstract_name(format!("hydroboom-ethercat-{interface}"));
-        let taken = name.and_then(|name| UnixListener::bind_addr(&name));
-        let taken = taken.map_err(|error| match error.kind() {
-            io::ErrorKind::AddrInUse => InterfaceError::Taken(interface.into()),
+        let lock = name.and_then(|name| UnixListener::bind_addr(&name));
+        let lock = lock.map_err(|error| match error.kind() {
+            io::ErrorKind::AddrInUse => InterfaceError::InUse(interface.into()),
             _ => of(error),
         })?;
-        Ok(Self { socket, _taken: taken })
+        Ok(Self { socket, _lock: lock })
     }
 }
 
@@ -91,11 +91,11 @@ impl Link for RawSocket {
             match recv(self.socket.as_raw_fd(), frame, MsgFlags::MSG_DONTWAIT) {
                 Ok(length) => return Some(length),
                 Err(Errno::EAGAIN | Errno::EINTR) => {
-                    let left = until.saturating_sub(now());
-                    if left == 0 {
+                    let remaining = until.saturating_sub(now());
+                    if remaining == 0 {
                         return None;
                     }
-                    wait_for_input(&self.socket, left);
+                    wait_for_input(&self.socket, remaining);
                 }
                 // the interface is gone or switched off: frames are lost until it is back
                 Err(_) => {

@@ -247,7 +247,7 @@ pub(crate) fn settle<L: Link>(wire: &mut Wire<L>, group: &Devices<SafeOp>, table
     while now() < first {
         let sent = now();
         let answer = wire.run_until(group.tx_rx_dc(main), sent + table.bus.period);
-        pace.see(sent, answer.and_then(Result::ok).map(|answer| answer.extra.dc_system_time));
+        pace.update(sent, answer.and_then(Result::ok).map(|answer| answer.extra.dc_system_time));
         wire.link.wait(pace.next_exchange());
     }
     pace
@@ -279,7 +279,7 @@ fn into_op<L: Link>(
         let sent = now();
         let answer = wire.run_until(group.tx_rx_dc(main), sent + table.bus.period);
         let answer = answer.and_then(Result::ok);
-        pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+        pace.update(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
         if answer.is_some_and(|answer| answer.is_in_state(SubDeviceState::Op)) {
             return Ok((group, pace));
         }

@@ -77,7 +77,7 @@ pub struct SyncManager {
     /// Number.
     pub number: u16,
     /// Whether it triggers the process-data watchdog (bit 6 of its control byte).
-    pub feeds_watchdog: bool,
+    pub triggers_watchdog: bool,
 }
 
 /// How a device is set up, after the table's values were written.

@@ -3,7 +3,7 @@
 use super::device::locate;
 use super::problem::{Part, Problems};
 use super::signal::check_condition;
-use super::{Bits, CommandedRow, DeviceRow, DriveRow, Pdo, Place, schema};
+use super::{BitCondition, CommandedRow, DeviceRow, DriveRow, Pdo, Place, schema};
 use crate::cia402::CYCLIC_VELOCITY;
 
 /// Rows of the devices with `profile = "cia402"`. Each needs controlword, target velocity, statusword and mode display
@@ -56,7 +56,7 @@ pub(super) fn rows(
                 problems
                     .add(&key("stop_circuit"), "its entry is not among the inputs of the device");
             }
-            place.map(|place| Bits { place, mask: condition.mask, value: condition.value })
+            place.map(|place| BitCondition { place, mask: condition.mask, value: condition.value })
         });
         rows.push(DriveRow {
             device,

@@ -220,7 +220,7 @@ impl Place {
 
 /// Status bits of an input: a condition that holds while the masked bits equal a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bits {
+pub struct BitCondition {
     /// The input.
     pub place: Place,
     /// The bits.
@@ -229,7 +229,7 @@ pub struct Bits {
     pub value: u64,
 }
 
-impl Bits {
+impl BitCondition {
     /// Whether the condition holds.
     pub fn is_set(&self, bytes: &[u8]) -> bool {
         self.place.read(bytes) & self.mask == self.value
@@ -258,7 +258,7 @@ pub struct MeasuredRow {
     /// Counts to SI units.
     pub scale: Scale,
     /// Bits that make it invalid.
-    pub invalid: Vec<(Bits, Invalid)>,
+    pub invalid: Vec<(BitCondition, Invalid)>,
     /// Where the factor is from.
     pub provenance: String,
 }
@@ -313,5 +313,5 @@ pub struct DriveRow {
     /// Error code, 0x603F.
     pub error: Option<Place>,
     /// Bits that report an open stop circuit (safe torque off).
-    pub stop_circuit: Option<Bits>,
+    pub stop_circuit: Option<BitCondition>,
 }

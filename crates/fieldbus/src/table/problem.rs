@@ -22,7 +22,7 @@ impl std::error::Error for TableError {}
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Part {
     Name(&'static str),
-    At(usize),
+    Index(usize),
 }
 
 impl From<&'static str> for Part {
@@ -33,7 +33,7 @@ impl From<&'static str> for Part {
 
 impl From<usize> for Part {
     fn from(at: usize) -> Self {
-        Self::At(at)
+        Self::Index(at)
     }
 }
 
@@ -42,13 +42,13 @@ pub(super) struct Problems<'a> {
     file: &'a str,
     text: &'a str,
     /// Names around the table in its file.
-    around: &'static [&'static str],
-    found: Vec<String>,
+    prefix: &'static [&'static str],
+    sentences: Vec<String>,
 }
 
 impl<'a> Problems<'a> {
-    pub(super) fn new(file: &'a str, text: &'a str, around: &'static [&'static str]) -> Self {
-        Self { file, text, around, found: Vec::new() }
+    pub(super) fn new(file: &'a str, text: &'a str, prefix: &'static [&'static str]) -> Self {
+        Self { file, text, prefix, sentences: Vec::new() }
     }
 
     /// A syntax error of TOML, whose message contains the line.
@@ -58,10 +58,10 @@ impl<'a> Problems<'a> {
 
     /// A problem of a key.
     pub(super) fn add(&mut self, key: &[Part], message: &str) {
-        let around = self.around.iter().map(|name| Part::Name(name));
-        let key: Vec<Part> = around.chain(key.iter().copied()).collect();
+        let prefix = self.prefix.iter().map(|name| Part::Name(name));
+        let key: Vec<Part> = prefix.chain(key.iter().copied()).collect();
         let line = line(self.text, &key).map_or_else(String::new, |line| format!(":{line}"));
-        self.found.push(format!("{}{line}: {}: {message}", self.file, path(&key)));
+        self.sentences.push(format!("{}{line}: {}: {message}", self.file, path(&key)));
     }
 
     /// A value of a key that is out of range.
@@ -70,7 +70,11 @@ impl<'a> Problems<'a> {
     }
 
     pub(super) fn into_result<T>(self, value: T) -> Result<T, TableError> {
-        if self.found.is_empty() { Ok(value) } else { Err(TableError { problems: self.found }) }
+        if self.sentences.is_empty() {
+            Ok(value)
+        } else {
+            Err(TableError { problems: self.sentences })
+        }
     }
 }
 
@@ -81,7 +85,7 @@ fn path(key: &[Part]) -> String {
             Part::Name(name) if path.is_empty() => path += name,
             Part::Name(name) => path += &format!(".{name}"),
             // people count from one
-            Part::At(at) => path += &format!("[{}]", at + 1),
+            Part::Index(at) => path += &format!("[{}]", at + 1),
         }
     }
     path
@@ -97,7 +101,7 @@ fn line(text: &str, key: &[Part]) -> Option<usize> {
         let next = match (part, &value) {
             (Part::Name(name), None) => table.get(*name).cloned(),
             (Part::Name(name), Some(DeValue::Table(inside))) => inside.get(*name).cloned(),
-            (Part::At(at), Some(DeValue::Array(list))) => list.get(*at).cloned(),
+            (Part::Index(at), Some(DeValue::Array(list))) => list.get(*at).cloned(),
             _ => None,
         };
         let Some(next) = next else { break };

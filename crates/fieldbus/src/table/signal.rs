@@ -3,8 +3,8 @@
 use super::device::locate;
 use super::problem::{Part, Problems};
 use super::{
-    Bits, COMMANDED, CommandedRow, DeviceRow, Invalid, MEASURED, MeasuredRow, NumberType, Pdo,
-    Place, Scale, schema,
+    BitCondition, COMMANDED, CommandedRow, DeviceRow, Invalid, MEASURED, MeasuredRow, NumberType,
+    Pdo, Place, Scale, schema,
 };
 use hydroboom_control::measurement::AXES;
 
@@ -67,7 +67,7 @@ pub(super) fn measured(
                 schema::Meaning::WireBreak => Invalid::Absent,
                 schema::Meaning::OutOfRange => Invalid::OutOfRange,
             };
-            let bits = Bits { place, mask: condition.mask, value: condition.value };
+            let bits = BitCondition { place, mask: condition.mask, value: condition.value };
             invalid.push((bits, meaning));
         }
         let provenance = row.provenance.clone();

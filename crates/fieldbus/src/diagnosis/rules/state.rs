@@ -11,7 +11,7 @@ const HAS_ERROR: u16 = 0x10;
 
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
-    let wanted = match (&bus.pre_op_refused, &bus.safe_op_refused) {
+    let requested = match (&bus.pre_op_refused, &bus.safe_op_refused) {
         (Some(_), _) => "PREOP",
         _ => "SAFEOP",
     };
@@ -27,7 +27,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             found.push(Finding::error(
                 Stage::State,
                 format!(
-                    "{this} {verb} {wanted}: {} (AL status code 0x{code:04X})",
+                    "{this} {verb} {requested}: {} (AL status code 0x{code:04X})",
                     explanation.cause
                 ),
                 explanation.advice,
@@ -49,7 +49,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
         found.push(Finding::error(
             Stage::State,
             format!(
-                "the devices did not go to {wanted}, and none reports an AL status code ({why})"
+                "the devices did not go to {requested}, and none reports an AL status code ({why})"
             ),
             "switch their supply off and on, then repeat the diagnosis",
         ));
