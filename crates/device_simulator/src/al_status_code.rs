@@ -1,4 +1,4 @@
-//! AL status codes: reasons why a device refused or left a state (ETG.1000.6).
+//! AL status codes, register 0x0134: reasons why a device refused or left a state (ETG.1000.6, ETG.1020).
 
 /// A code of register 0x0134, with the sentence that belongs to it.
 macro_rules! codes {

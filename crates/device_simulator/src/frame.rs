@@ -1,7 +1,7 @@
 //! Datagrams of a frame: Ethernet header, EtherCAT header, then datagrams with a header of ten bytes, data and a
 //! working counter.
 //!
-//! Source: IEC 61158-4-12, type 12 PDU structure.
+//! Source: IEC 61158-4-12 (ETG.1000.4), type 12 PDU structure.
 
 /// EtherType of EtherCAT frames.
 pub const ETHERTYPE: u16 = 0x88a4;
@@ -34,7 +34,7 @@ pub enum Command {
     StationReadMultipleWrite,
 }
 
-/// Direction of an access, as the main device sees it.
+/// Direction of an access, from the main device's point of view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// From the device into the frame.

@@ -1,4 +1,5 @@
-//! Object dictionary of a device: objects by index and subindex, and the process data that are mapped from them.
+//! Object dictionary of a device (ETG.1000.6): objects by index and subindex, and the process data that are mapped
+//! from them.
 
 use std::collections::BTreeMap;
 
@@ -190,7 +191,7 @@ pub fn mapped_bytes(entries: &[MappedEntry]) -> usize {
     entries.iter().map(|entry| entry.bits).sum::<usize>().div_ceil(8)
 }
 
-/// Copies values from output data into the dictionary.
+/// Copies mapped values from output data into the dictionary; bits beyond the end of `bytes` are zero.
 pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary) {
     let mut first = 0;
     for entry in entries {
@@ -203,7 +204,7 @@ pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary
     }
 }
 
-/// Copies values from the dictionary into input data.
+/// Copies mapped values from the dictionary into input data; those beyond the end of `bytes` are left out.
 pub fn pack(entries: &[MappedEntry], from: &ObjectDictionary, bytes: &mut [u8]) {
     bytes.fill(0);
     let mut first = 0;

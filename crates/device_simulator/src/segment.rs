@@ -6,12 +6,13 @@ use crate::frame::for_each_datagram;
 /// EtherCAT segment: devices in a line, the first next to the main device.
 #[derive(Debug, Default)]
 pub struct Segment {
+    /// Devices in the order of the line.
     devices: Vec<Device>,
-    /// Time that a frame takes from one device to the next \[ns\]; one for each device, zero where it is not stated.
+    /// Propagation delay to each device from the one before \[ns\].
     delays: Vec<u64>,
-    /// Devices that are connected; behind a broken cable none are.
+    /// Number of connected devices; those behind a broken cable are not.
     connected: usize,
-    /// Frames that are to be lost.
+    /// Number of frames that are still to be lost.
     lost: u32,
 }
 
@@ -58,6 +59,7 @@ impl Segment {
         self.lost = count;
     }
 
+    /// Writes the links of the ports of all devices.
     fn set_links(&mut self) {
         let last = self.connected.saturating_sub(1);
         for (number, device) in self.devices.iter_mut().enumerate() {

@@ -1,17 +1,18 @@
-//! Check of the table against the data that the devices report. Each mismatch is one sentence that says what to do.
+//! Check of the table against the data that the devices report, before clocks and process data are set up. Each
+//! mismatch is one sentence that says what to do.
 
 use crate::cia402::HAS_CYCLIC_VELOCITY;
 use crate::table::{DeviceRow, Pdo, Sync, Table};
 use std::fmt::{self, Display, Formatter};
 
-/// Data that a device reports, from its EEPROM, objects and registers.
+/// Data that a device reports: EEPROM (SII, ETG.2010), CoE objects (ETG.1000.6, CiA 402) and registers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DeviceFacts {
     /// Name in its EEPROM.
     pub name: String,
-    /// Vendor, product, revision.
+    /// Vendor ID, product code, revision number: words 8, 10 and 12 of its EEPROM, as 0x1018:01 to 03.
     pub identity: [u32; 3],
-    /// Serial number in its EEPROM; 0 where it states none.
+    /// Serial number in its EEPROM (word 14); 0 where it states none.
     pub serial: u32,
     /// Version of its software (0x100A); none where it has no such object.
     pub software: Option<String>,
@@ -19,15 +20,16 @@ pub struct DeviceFacts {
     pub outputs: Vec<Pdo>,
     /// Inputs, by 0x1C13 and mapping objects, or by its EEPROM.
     pub inputs: Vec<Pdo>,
-    /// Whether it has a distributed clock.
+    /// Whether it has a distributed clock (register 0x0008, bit 2).
     pub has_clock: bool,
-    /// AssignActivate words of its clock modes, from its EEPROM.
+    /// AssignActivate words of its clock modes, from category 60 of its EEPROM; empty where it states none.
     pub activations: Vec<u16>,
-    /// Supported modes of operation (0x6502).
+    /// Supported drive modes (0x6502), bit 0 for mode 1; none where it has no such object.
     pub modes: Option<u32>,
     /// Drives: reactions to a quick stop (0x605A), to a fault (0x605E) and to a lost connection (0x6007), for reports.
     pub reactions: [Option<i16>; 3],
-    /// One unit of 0x60FF and 0x606C \[rev/s\], from 0x60A9, or from 0x608F, 0x6091 and 0x6096.
+    /// One unit of 0x60FF and 0x606C \[rev/s\], from 0x60A9, or from 0x608F, 0x6091 and 0x6096; none where the drive
+    /// states no unit of velocity.
     pub velocity_unit: Option<f64>,
 }
 
@@ -71,12 +73,15 @@ impl Display for Mismatch {
     }
 }
 
-/// Relative tolerance of velocity units.
+/// Relative tolerance of velocity units, for decimal factors of a table.
 const UNIT_TOLERANCE: f64 = 1e-6;
 /// Target velocity and velocity actual value.
 const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
 
-/// All mismatches.
+/// All mismatches between the table and the devices in the order of the line; empty where they fit.
+///
+/// Later checks need the earlier ones: after a wrong number or identity nothing else is compared, and drives are
+/// compared only where process data and clocks fit.
 pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
     let mut found = Vec::new();
     if facts.len() != table.devices.len() {
@@ -112,6 +117,7 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
     found
 }
 
+/// Vendor and product have to be those of the row, and the revision within its range.
 fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let [vendor, product, revision] = device.identity;
     let [low, high] = row.revision;
@@ -137,6 +143,7 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mi
     })
 }
 
+/// PDOs by 0x1C12 and 0x1C13, or by the EEPROM, have to be those of the row.
 fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<Mismatch> {
     let sides = [
         ("outputs", "0x1C12", &row.outputs, &device.outputs),
@@ -172,6 +179,7 @@ fn is_same_mapping(one: &[Pdo], other: &[Pdo]) -> bool {
     used(one) == used(other)
 }
 
+/// PDOs and their entries, for messages.
 fn mapping_text(lists: &[Pdo]) -> String {
     let list = |pdo: &Pdo| {
         let entries: Vec<String> = pdo.entries.iter().map(ToString::to_string).collect();
@@ -184,6 +192,8 @@ fn mapping_text(lists: &[Pdo]) -> String {
     }
 }
 
+/// SYNC signals of the row need a distributed clock, and an AssignActivate word of the EEPROM (category 60) that
+/// activates the same ones.
 fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let subject = Subject::Synchronisation;
     let expected = row.sync.activation();
@@ -219,6 +229,7 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
     })
 }
 
+/// A drive has to support cyclic synchronous velocity (0x6502, bit 8).
 fn mode_of_operation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let modes = device.modes?;
     (modes & HAS_CYCLIC_VELOCITY == 0).then(|| Mismatch {

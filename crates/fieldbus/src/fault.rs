@@ -3,7 +3,7 @@
 use crate::cia402::error_text;
 use crate::table::Table;
 
-/// Fault that stops the machine. None resets itself.
+/// Fault that stops the machine: drives brake with torque, then are switched off. None resets itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// Too many frames were lost, or came too late.
@@ -64,12 +64,12 @@ impl Fault {
         }
     }
 
-    /// Number in logs: what kind of fault it is.
+    /// Number in logs and for the supervisor, 1 to 9 by the kind of fault.
     pub fn code(self) -> u16 {
         (Self::to_word(Some(self)) >> 32) as u16
     }
 
-    /// What happened, and what to do; with a device's reason for leaving OP.
+    /// Sentence of what happened and what to do. `reason` is the text of the AL status code of a device that left OP.
     pub(crate) fn sentence(self, table: &Table, reason: &str) -> String {
         let name = |device: u16| match table.devices.get(usize::from(device)) {
             Some(row) => format!("{} (position {device})", row.name),
@@ -114,7 +114,7 @@ impl Fault {
         }
     }
 
-    /// As one word, for hand-over between tasks; 0 is none.
+    /// As one word, for hand-over between tasks: code in bits 0 to 15, device in 16 to 31, kind above; 0 is none.
     pub(crate) fn to_word(fault: Option<Self>) -> u64 {
         let word = |kind: u64, device: u16, code: u16| {
             kind << 32 | u64::from(device) << 16 | u64::from(code)
@@ -154,13 +154,18 @@ impl Fault {
 /// Cycles with a loss in a sliding window: more of them than a limit are a fault.
 #[derive(Clone, Debug)]
 pub(crate) struct LossWindow {
+    /// Largest number of cycles with a loss.
     limit: u32,
+    /// Whether each cycle of the window had a loss; a ring.
     losses: Vec<bool>,
+    /// Index of the newest cycle.
     newest: usize,
+    /// Cycles with a loss in the window.
     count: u32,
 }
 
 impl LossWindow {
+    /// A window of `cycles` cycles, at least one, without losses.
     pub(crate) fn new(limit: u32, cycles: u32) -> Self {
         Self { limit, losses: vec![false; cycles.max(1) as usize], newest: 0, count: 0 }
     }
@@ -179,6 +184,7 @@ impl LossWindow {
         self.count - u32::from(oldest) >= self.limit
     }
 
+    /// Forgets all losses.
     pub(crate) fn clear(&mut self) {
         self.losses.fill(false);
         self.count = 0;

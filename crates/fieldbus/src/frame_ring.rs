@@ -6,24 +6,27 @@
 use crate::table::Table;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Time whose frames are kept \[ns\].
+/// Time whose frames are captured \[ns\].
 const CAPTURE_TIME: u64 = 2_000_000_000;
 /// Bytes of a frame beside process data: Ethernet and EtherCAT headers, the clock's datagram, that of the data.
 const FRAME_OVERHEAD: usize = 64;
 /// Bytes of a frame for each device: a datagram that reads its state.
 const STATE_DATAGRAM: usize = 16;
 
-/// The newest frames, with room for a fixed number of them.
+/// Ring of the newest frames, with room for a fixed number of them; recording allocates nothing.
 #[derive(Clone, Debug)]
 pub struct FrameRing {
-    /// Bytes of a frame that are kept.
+    /// Snap length: bytes of a frame that are captured; the rest is cut off.
     snap_length: usize,
+    /// Bytes of all frames, `snap_length` each.
     bytes: Vec<u8>,
+    /// Time, length and direction of all frames, by the same index.
     headers: Vec<PacketHeader>,
     /// Index of the next frame.
     next: usize,
     /// Number of stored frames.
     count: usize,
+    /// Whether recording is stopped.
     is_frozen: bool,
 }
 
@@ -32,7 +35,9 @@ pub struct FrameRing {
 struct PacketHeader {
     /// When it was sent or received \[ns\].
     time: u64,
+    /// Length on the wire \[byte\], which may exceed what was captured.
     length: usize,
+    /// Whether this computer sent it.
     is_sent: bool,
 }
 
@@ -47,6 +52,7 @@ impl FrameRing {
         Self::new(frames as usize, snap_length)
     }
 
+    /// Room for a number of frames, at least one, of `snap_length` bytes each.
     fn new(frames: usize, snap_length: usize) -> Self {
         let frames = frames.max(1);
         Self {
@@ -59,7 +65,7 @@ impl FrameRing {
         }
     }
 
-    /// Stores a frame that was sent or received at a time \[ns\]. Allocates nothing.
+    /// Records a frame that was sent or received at a time \[ns\], in place of the oldest one. Allocates nothing.
     pub(crate) fn record(&mut self, time: u64, frame: &[u8], is_sent: bool) {
         if self.is_frozen {
             return;
@@ -92,7 +98,8 @@ impl FrameRing {
         })
     }
 
-    /// The capture, at a time \[ns\] of the clock by which frames were kept.
+    /// The capture as the bytes of a pcapng file. `now` is the present time \[ns\] of the clock by which frames were
+    /// recorded; their times in the file are those of the calendar.
     pub fn pcapng(&self, now: u64) -> Vec<u8> {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let epoch = (since_epoch.as_nanos() as u64).saturating_sub(now);

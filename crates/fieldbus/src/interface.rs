@@ -12,7 +12,7 @@ use std::io;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
-/// Why an interface is refused.
+/// Why an interface is refused. Its text says what to do.
 #[derive(Debug)]
 pub enum InterfaceError {
     /// There is none of this name; those that there are.
@@ -165,6 +165,7 @@ fn link_address(entry: &InterfaceAddress) -> Option<(LinkAddr, InterfaceFlags)> 
     Some((*link, entry.flags))
 }
 
+/// IPv4 or IPv6 address, if the entry has one.
 fn ip_address(address: &SockaddrStorage) -> Option<IpAddr> {
     let four = address.as_sockaddr_in().map(|four| IpAddr::V4(four.ip()));
     four.or_else(|| address.as_sockaddr_in6().map(|six| IpAddr::V6(six.ip())))
@@ -177,6 +178,7 @@ pub(crate) fn sysfs_directory(name: &str, index: usize) -> Option<PathBuf> {
     (listed.trim().parse() == Ok(index)).then_some(folder)
 }
 
+/// Text of a file of the system; empty where it cannot be read.
 fn read(file: &str) -> String {
     fs::read_to_string(file).unwrap_or_default()
 }

@@ -6,10 +6,16 @@ use crate::table::BusSettings;
 /// clock drift of 100 ppm leaves an error of 0.8 us at a period of 1 ms.
 const GAIN: i64 = 8;
 
-/// Phase of SYNC0, estimated from the devices' system time (0x0910) that each frame brings back.
+/// Estimate of SYNC0 by this computer's clock, from the devices' system time (0x0910) that each frame brings back.
+///
+/// SYNC0 is where the system time is a multiple of the period. A first-order filter follows it, which tracks the drift
+/// of the clocks: estimate <- prediction + (measured - prediction) / 8, with measured = send time - system time modulo
+/// period.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
+    /// Cycle of SYNC0 \[ns\].
     period: u64,
+    /// First exchange after SYNC0 \[ns\].
     exchange: u64,
     /// Last SYNC0 before the newest frame, by this computer's clock \[ns\]; none before the first answer.
     sync0: Option<u64>,
@@ -20,12 +26,13 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
+    /// No estimate yet; exchanges are due a period after the newest frame then.
     pub(crate) fn new(bus: &BusSettings) -> Self {
         Self { period: bus.period, exchange: bus.exchange, sync0: None, system: 0, sent: 0 }
     }
 
-    /// Takes the send time of a frame \[ns\], and the devices' system time that it brought back \[ns\]; none where it
-    /// was lost.
+    /// Corrects the estimate by the send time of a frame \[ns\] and the devices' system time that it brought back
+    /// \[ns\]; none where it was lost, and the estimate is kept.
     pub(crate) fn update(&mut self, sent: u64, system: Option<u64>) {
         self.sent = sent;
         if let Some(system) = system {

@@ -15,16 +15,17 @@ use std::os::fd::AsRawFd;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixListener};
 
-/// Ethertype of EtherCAT.
+/// EtherType of EtherCAT (IEC 61158-4-12).
 pub const ETHERTYPE: u16 = 0x88a4;
 /// Time for which an interface has to be silent \[ns\]: longer than the longest period of a bus.
 const SILENCE: u64 = 20_000_000;
 /// Largest Ethernet frame \[byte\].
 const LARGEST_FRAME: usize = 1536;
 
-/// A network interface that is reserved for this bus.
+/// A network interface that is reserved for this bus, as a [`Link`].
 #[derive(Debug)]
 pub struct RawSocket {
+    /// Packet socket that receives frames of EtherCAT only.
     socket: Socket,
     /// Keeps other processes of this program away from the interface, until it is dropped or the process ends.
     _lock: UnixListener,

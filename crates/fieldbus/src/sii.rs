@@ -6,12 +6,15 @@ use crate::wire::Wire;
 use ethercrab::SubDevice;
 use ethercrab::error::Error;
 
-/// Word address of the first category.
+/// Word address of the first category (ETG.1000.6).
 const FIRST_CATEGORY: u16 = 0x40;
-/// Category types: inputs (TxPDO), outputs (RxPDO), distributed clock; and the end marker.
+/// Category type (ETG.2010): inputs (TxPDO).
 const TX_PDO: u16 = 50;
+/// Outputs (RxPDO).
 const RX_PDO: u16 = 51;
+/// Distributed clock.
 const DISTRIBUTED_CLOCK: u16 = 60;
+/// End of the categories.
 const END: u16 = 0xffff;
 /// Largest number of categories that are read, so that a damaged EEPROM causes no endless loop.
 const MOST_CATEGORIES: u32 = 64;
@@ -27,7 +30,11 @@ pub struct Sii {
     pub activations: Vec<u16>,
 }
 
-/// Reads the categories of process data and of the distributed clock.
+/// Reads the categories of process data and of the distributed clock; other categories are skipped.
+///
+/// # Errors
+///
+/// The error of a read of the EEPROM, as for a device that does not answer.
 pub(crate) fn read<L: Link>(wire: &mut Wire<L>, device: &SubDevice) -> Result<Sii, Error> {
     let main = wire.main;
     let mut sii = Sii::default();
@@ -53,6 +60,7 @@ pub(crate) fn read<L: Link>(wire: &mut Wire<L>, device: &SubDevice) -> Result<Si
     Ok(sii)
 }
 
+/// Little-endian number of 16 bit at an offset \[byte\]; bytes beyond the end are 0.
 fn u16_at(bytes: &[u8], at: usize) -> u16 {
     u16::from(bytes.get(at).copied().unwrap_or(0))
         | u16::from(bytes.get(at + 1).copied().unwrap_or(0)) << 8

@@ -15,9 +15,11 @@ pub trait CurrentSource {
     fn current(&self, channel: usize) -> f64;
 }
 
-/// Application of an analogue input device, 4 to 20 mA.
+/// Application of an analogue input device: for each channel a status word and counts, 0 to 32767 for 4 to 20 mA.
 pub struct AnalogueInput {
+    /// Currents of the channels.
     source: Box<dyn CurrentSource>,
+    /// Number of channels.
     channels: usize,
 }
 
@@ -38,7 +40,7 @@ const WIRE_BREAK_CURRENT: f64 = 3.6;
 const FIRST: u16 = 0x6000;
 
 impl AnalogueInput {
-    /// Analogue input device with a number of channels.
+    /// Analogue input device with a number of channels, each with status 0x60n0:01 and value 0x60n0:11.
     pub fn device(
         settings: Settings,
         channels: usize,
@@ -64,10 +66,13 @@ impl AnalogueInput {
     }
 }
 
-/// Bits of the status: below the range, beyond it, error, wire break.
+/// Bit of the status word: below the range.
 const UNDERRANGE: i64 = 0x0001;
+/// Above the range.
 const OVERRANGE: i64 = 0x0002;
+/// Error: the value is not valid.
 const ERROR: i64 = 0x0040;
+/// Wire break.
 const WIRE_BREAK: i64 = 0x0080;
 
 impl Application for AnalogueInput {

@@ -12,7 +12,9 @@ pub type OutputCallback = Box<dyn FnMut(u32)>;
 
 /// Application of a digital output device.
 pub struct DigitalOutput {
+    /// Receiver of the output states.
     callback: OutputCallback,
+    /// Number of channels, at most 32.
     channels: u8,
 }
 

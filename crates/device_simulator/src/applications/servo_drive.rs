@@ -8,20 +8,29 @@ use crate::device::{Device, Settings};
 use crate::mailbox::Emergency;
 use crate::object_dictionary::{Abort, Key, Mapping, ObjectAccess, ObjectDictionary};
 
-/// Mode of operation: cyclic synchronous velocity.
+/// Mode of operation (0x6060): cyclic synchronous velocity.
 const CYCLIC_VELOCITY: i64 = 9;
-/// Fault: process-data watchdog or another loss of communication.
+/// Error code (0x603F) of a process-data watchdog or another loss of communication.
 const COMMUNICATION_FAULT: u16 = 0x7500;
+/// Controlword (CiA 402).
 const CONTROLWORD: Key = (0x6040, 0);
+/// Statusword.
 const STATUSWORD: Key = (0x6041, 0);
+/// Error code.
 const ERROR_CODE: Key = (0x603f, 0);
+/// Modes of operation.
 const MODE: Key = (0x6060, 0);
+/// Modes of operation display.
 const MODE_DISPLAY: Key = (0x6061, 0);
+/// Position actual value \[increments\].
 const POSITION: Key = (0x6064, 0);
+/// Velocity actual value \[velocity unit\].
 const VELOCITY: Key = (0x606c, 0);
+/// Target velocity \[velocity unit\].
 const TARGET: Key = (0x60ff, 0);
+/// Digital inputs.
 const DIGITAL_INPUTS: Key = (0x60fd, 0);
-/// Bit of 0x60FD: interlock, here safe torque off.
+/// Bit 3 of 0x60FD: interlock, here safe torque off.
 const INTERLOCK: i64 = 0x08;
 
 /// Motor with its load, behind a servo drive.
@@ -39,8 +48,11 @@ pub trait Motor {
 /// Ideal motor: it has the commanded speed at once, and stands still without torque.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IdealMotor {
+    /// Motor speed \[rev/s\].
     speed: f64,
+    /// Motor angle since power-on \[rev\].
     angle: f64,
+    /// Time to which it was advanced \[ns\].
     now: u64,
 }
 
@@ -76,17 +88,26 @@ pub struct DriveSettings {
     pub is_mapping_fixed: bool,
 }
 
-/// Application of a servo drive in cyclic synchronous velocity mode (CiA 402).
+/// Application of a servo drive in cyclic synchronous velocity (CiA 402, IEC 61800-7-201): objects 0x6040, 0x6041,
+/// 0x603F, 0x6060, 0x6061, 0x6064, 0x606C, 0x60FF, 0x60FD, and reactions by its own ramp.
 pub struct ServoDrive {
+    /// Unit, resolution, deceleration and mapping.
     settings: DriveSettings,
+    /// Motor behind the drive.
     motor: Box<dyn Motor>,
+    /// State of the drive's state machine.
     state: DriveState,
+    /// Controlword that was received last.
     controlword: u16,
+    /// Error code (0x603F); 0 without a fault.
     error: u16,
+    /// Whether safe torque off is requested.
     has_safe_torque_off: bool,
     /// Set point while the drive stops by itself \[rev/s\].
     ramp_speed: f64,
+    /// Time to which it was advanced \[ns\].
     now: u64,
+    /// Emergency message that is still to be sent.
     pending_emergency: Option<Emergency>,
 }
 
@@ -96,9 +117,9 @@ impl std::fmt::Debug for ServoDrive {
     }
 }
 
-/// Process data after power-on: controlword, target velocity, mode; statusword, position, velocity, mode, error code,
-/// digital inputs.
+/// Outputs after power-on as index, subindex, bits: controlword, target velocity, mode of operation.
 const OUTPUTS: [(u16, u8, u8); 3] = [(0x6040, 0, 16), (0x60ff, 0, 32), (0x6060, 0, 8)];
+/// Inputs after power-on: statusword, position, velocity, mode of operation, error code, digital inputs.
 const INPUTS: [(u16, u8, u8); 6] = [
     (0x6041, 0, 16),
     (0x6064, 0, 32),
@@ -133,6 +154,7 @@ impl ServoDrive {
         Device::new(settings, clock, dictionary, Box::new(application))
     }
 
+    /// Adds the objects of the drive, and those of synchronisation where it has SYNC0.
     fn add_objects(dictionary: &mut ObjectDictionary, drive: &DriveSettings, has_sync0: bool) {
         use Mapping::{Inputs, None as Unmapped, Outputs};
         use ObjectAccess::{ReadOnly, ReadWrite, ReadWriteInPreOp};
@@ -183,7 +205,8 @@ impl ServoDrive {
         drive.unit.describe(dictionary);
     }
 
-    /// A fault of the drive, with its code in 0x603F.
+    /// Enters fault reaction active, or fault without torque, with a code in 0x603F and an emergency message. The
+    /// first code is kept.
     fn fault(&mut self, code: u16) {
         if self.error == 0 {
             self.error = code;
@@ -196,6 +219,8 @@ impl ServoDrive {
         };
     }
 
+    /// Commanded motor speed \[rev/s\]: the target velocity in mode 9, else 0, or the ramp of a stop. `None` without
+    /// torque.
     fn set_point(&self, dictionary: &ObjectDictionary) -> Option<f64> {
         match self.state {
             DriveState::OperationEnabled if dictionary.signed(MODE_DISPLAY) == CYCLIC_VELOCITY => {
@@ -207,6 +232,7 @@ impl ServoDrive {
         }
     }
 
+    /// Statusword 0x6041: state, bit 9 (remote), bit 12 (follows its target).
     fn statusword(&self) -> i64 {
         // remote, and bit 12 where it follows its set point
         let follows = if self.state == DriveState::OperationEnabled { 0x1000 } else { 0 };

@@ -1,5 +1,5 @@
-//! Distributed clock: a local clock with an offset and a drift, held at the system time of the reference, and the
-//! pulses SYNC0 and SYNC1.
+//! Distributed clock (ETG.1000.4): a local clock with an offset and a drift, held at the system time of the reference,
+//! and the pulses SYNC0 and SYNC1.
 //!
 //! ```text
 //! local time   t_l = t_0 + (1 + d) t + a           a: what the control loop has added
@@ -13,7 +13,8 @@ use super::registers::{
     SYSTEM_TIME, SYSTEM_TIME_DELAY, SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
 };
 
-/// Distributed clock of a device: local clock, control loop, and the pulses SYNC0 and SYNC1.
+/// Distributed clock of a device: local clock, control loop, and the pulses SYNC0 and SYNC1. "Bus time" is the time of
+/// the simulation, which no device knows.
 #[derive(Clone, Debug)]
 pub struct DistributedClock {
     /// Local time at bus time zero \[ns\].
@@ -71,7 +72,8 @@ impl DistributedClock {
         }
     }
 
-    /// Control loop: follows a received system time of the reference clock, at the bus time `now` \[ns\].
+    /// Control loop: follows a received system time of the reference clock, at the bus time `now` \[ns\]. `received`
+    /// is little-endian with 4 or 8 bytes; a shorter one is ignored. Writes the difference into 0x092C.
     pub fn correct(&mut self, memory: &mut Memory, received: &[u8], now: u64) {
         let own = self.system(memory, now).wrapping_sub(u64::from(memory.u32(SYSTEM_TIME_DELAY)));
         let difference = match received.len() {

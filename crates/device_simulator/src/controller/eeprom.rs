@@ -1,4 +1,5 @@
-//! EEPROM interface: the main device writes a command and a word address, and reads eight bytes.
+//! EEPROM interface (SII access, ETG.1000.4): the main device writes a command and a word address, and reads eight
+//! bytes.
 
 use super::memory::Memory;
 use super::registers::EEPROM;

@@ -1,4 +1,5 @@
-//! EtherCAT device controller: registers, memory, FMMUs, sync managers, distributed clock and watchdog.
+//! EtherCAT device controller: registers, memory, FMMUs, sync managers, distributed clock and watchdog (ETG.1000.4,
+//! IEC 61158-4-12).
 
 mod distributed_clock;
 mod eeprom;
@@ -33,23 +34,24 @@ pub struct Controller {
     pub eeprom: Eeprom,
     /// Process-data watchdog.
     pub watchdog: Watchdog,
-    /// When the frame that is under way passed the ports \[ns\].
+    /// Bus times at which the frame that is under way passes the ports \[ns\]; none for an unused port.
     pub(crate) ports: [Option<u64>; 4],
+    /// Events since the application took them last.
     events: Vec<Event>,
 }
 
 /// Events for the application.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Event {
-    /// A state is requested: the written byte.
+    /// AL control (0x0120) was written: its low byte.
     AlControlWritten(u8),
-    /// The mailbox for requests was filled.
+    /// The mailbox for requests was written completely.
     MailboxWritten,
-    /// The mailbox for answers was fetched.
+    /// The mailbox for answers was read completely.
     MailboxRead,
-    /// Fetching of the last answer is asked for anew.
+    /// The repeat request of the mailbox for answers was toggled.
     RepeatRequest,
-    /// Outputs are whole.
+    /// Outputs were written completely.
     OutputsWritten,
 }
 
@@ -58,8 +60,9 @@ const DEFAULT_DIVIDER: u16 = 2498;
 /// 100 ms in units of the divider, after power-on.
 const DEFAULT_WATCHDOG: u16 = 1000;
 
-/// Bit of the features: a distributed clock; and the bytes of its registers.
+/// Bit of the features (0x0008): a distributed clock.
 const HAS_CLOCK: u8 = 0x04;
+/// Registers of a distributed clock, from 0x0900 on \[byte\].
 const CLOCK: usize = 0x100;
 
 impl Controller {
@@ -77,12 +80,12 @@ impl Controller {
         Self { memory, clock, eeprom, watchdog, ports: [None; 4], events: Vec::new() }
     }
 
-    /// Configured station address.
+    /// Configured station address, register 0x0010; 0 before it is set.
     pub fn station_address(&self) -> u16 {
         self.memory.u16(STATION_ADDRESS)
     }
 
-    /// Says which ports have a link: the first always, the second where a device follows.
+    /// Writes the data link status (0x0110): port 0 has a link, port 1 where a device follows.
     pub(crate) fn set_links(&mut self, is_last: bool) {
         let status: u16 = if is_last { 0x5610 | 1 } else { 0x5a30 | 1 };
         // an open port communicates, a port without a partner is closed
@@ -113,7 +116,7 @@ impl Controller {
         std::mem::take(&mut self.events)
     }
 
-    /// Whether there is all of a range: without a clock there are no registers of one.
+    /// Whether all of a range exists, `length` in bytes: without a clock its registers do not.
     fn has(&self, address: u16, length: usize) -> bool {
         let has_clock = self.memory.u8(FEATURES) & HAS_CLOCK != 0;
         self.memory.has(address, length)
@@ -192,7 +195,7 @@ impl Controller {
         true
     }
 
-    /// Registers, and what writing some of them does.
+    /// Writes registers, with their effects: clocks latch and follow, the EEPROM executes, a state is requested.
     fn write_registers(&mut self, address: u16, from: &[u8], now: u64) {
         let length = from.len();
         let repeat = self.memory.u8(SYNC_MANAGER + 8 + 6) & 2;
@@ -225,7 +228,7 @@ impl Controller {
     }
 
     /// Executes a datagram with a logical address through the FMMUs, at the time `now` \[ns\]. Returns the increment
-    /// of its working counter.
+    /// of its working counter: 1 for a read, 1 for a write, 2 for the write of a read-write, 0 without an FMMU.
     pub fn logical(&mut self, address: u32, access: Access, data: &mut [u8], now: u64) -> u16 {
         let (mut was_read, mut was_written) = (false, false);
         let units: Vec<Fmmu> =
@@ -250,7 +253,7 @@ impl Controller {
     }
 }
 
-/// Whether two ranges share a byte.
+/// Whether two ranges of the memory, each with an address and a length \[byte\], share a byte.
 fn overlaps(address: u16, length: usize, register: u16, bytes: usize) -> bool {
     let (a, b) = (usize::from(address), usize::from(register));
     a < b + bytes && b < a + length

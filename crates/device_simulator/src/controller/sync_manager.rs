@@ -1,4 +1,5 @@
-//! Sync managers: memory that main device and application share, as a mailbox or as a buffer that is always free.
+//! Sync managers (ETG.1000.4): memory that main device and application share, as a mailbox or as a buffer that is
+//! always free.
 
 use super::memory::Memory;
 use super::registers::SYNC_MANAGER;
@@ -34,7 +35,7 @@ impl SyncManager {
         }
     }
 
-    /// Whether it is in mailbox mode; else in buffer mode.
+    /// Whether it is in mailbox mode (bits 0 and 1 of its control byte); else in buffer mode.
     pub fn is_mailbox(&self) -> bool {
         self.control & 0x03 == 0x02
     }
@@ -44,7 +45,7 @@ impl SyncManager {
         self.control & 0x0c == 0x04
     }
 
-    /// Whether writes to it trigger the process-data watchdog.
+    /// Whether writes to it trigger the process-data watchdog (bit 6 of its control byte).
     pub fn triggers_watchdog(&self) -> bool {
         self.control & 0x40 != 0
     }

@@ -1,4 +1,5 @@
-//! Process-data watchdog: expires where no whole frame of outputs came within its time.
+//! Process-data watchdog (ETG.1000.4, registers 0x0400, 0x0420, 0x0440): expires where no complete outputs came within
+//! its time.
 
 use super::memory::Memory;
 use super::registers::{
@@ -10,11 +11,12 @@ use super::registers::{
 pub struct Watchdog {
     /// When outputs came last \[ns\]; none before the first.
     last_trigger: Option<u64>,
+    /// Whether it has expired since then.
     expired: bool,
 }
 
 impl Watchdog {
-    /// Watchdog time by the registers \[ns\]; `None` if it is zero, switched off.
+    /// Watchdog time by the registers \[ns\]: 40 ns (divider + 2) times 0x0420; `None` if it is zero, switched off.
     pub fn time(memory: &Memory) -> Option<u64> {
         let unit = 40 * (u64::from(memory.u16(WATCHDOG_DIVIDER)) + 2);
         Some(unit * u64::from(memory.u16(WATCHDOG_PROCESS_DATA))).filter(|time| *time > 0)

@@ -7,7 +7,8 @@ use crate::al_status_code::AlStatusCode;
 use crate::controller::registers::{AL_CONTROL, AL_STATUS, AL_STATUS_CODE};
 
 impl Device {
-    /// A state is requested, or an error acknowledged (bit 4).
+    /// Executes a request of AL control: state in bits 0 to 3, acknowledgement of an error in bit 4. A refused one
+    /// leaves the device in its state, with an AL status code.
     pub(super) fn change_state(&mut self, byte: u8, now: u64) {
         let is_acknowledged = byte & 0x10 != 0;
         let requested = match State::of(byte & 0x0f) {
@@ -40,14 +41,14 @@ impl Device {
         self.enter(requested, now);
     }
 
-    /// Whether OP may be entered: outputs came, and SYNC0 where it is used.
+    /// Whether OP may be entered: outputs were received, and SYNC0 where it is used.
     pub(super) fn is_ready_for_op(&self) -> bool {
         let has_outputs = self.outputs.is_empty() || self.sync_counters.outputs.is_some();
         self.settings.has_device_emulation
             || has_outputs && (!self.uses_sync0() || self.sync_counters.has_received_sync0)
     }
 
-    /// Enters a state.
+    /// Enters a state, which was checked before. From PREOP to SAFEOP the mapping is taken over.
     pub(super) fn enter(&mut self, state: State, now: u64) {
         let before = std::mem::replace(&mut self.state, state);
         if before == State::Op && state != State::Op {
@@ -67,7 +68,7 @@ impl Device {
         self.write_al_status();
     }
 
-    /// Stays in a state or falls back to it, with an error.
+    /// Stays in a state or falls back to it, with an AL status code; outputs become safe where OP is left.
     pub(super) fn fail(&mut self, state: State, code: AlStatusCode, now: u64) {
         let was_operating = self.state == State::Op;
         self.state = self.state.min(state);
@@ -79,11 +80,13 @@ impl Device {
         self.write_al_status();
     }
 
+    /// Stops the watchdog, and lets the application put its outputs into their safe state.
     fn set_outputs_safe(&mut self, why: Option<AlStatusCode>, now: u64) {
         self.controller.watchdog.stop();
         self.application.outputs_are_lost(&mut self.dictionary, now, why);
     }
 
+    /// Writes AL status (0x0130) and AL status code (0x0134).
     fn write_al_status(&mut self) {
         let error = if self.error.is_some() { 0x10 } else { 0 };
         self.controller.memory.set(AL_STATUS, &[self.state as u8 | error, 0]);

@@ -5,7 +5,7 @@ use crate::controller::Event;
 use crate::frame::{Access, Command, Datagram};
 
 impl Device {
-    /// What a datagram does as it passes.
+    /// Executes a datagram that passes at the time `now` \[ns\], by its addressing mode, and handles what it caused.
     pub(crate) fn process_datagram(&mut self, mut datagram: Datagram<'_>, now: u64) {
         let is_at_position = |d: &Datagram<'_>| d.device() == 0;
         let has_station_address =
@@ -45,7 +45,8 @@ impl Device {
         self.handle_events(now);
     }
 
-    /// An access to physical memory; `or` adds bits to what is in the frame.
+    /// Executes an access to physical memory, and increments the working counter: 1 for a read, 1 for a write, 2 for
+    /// the write of a read-write. `or` adds what is read to the bits in the frame, as broadcast reads do.
     fn access(&mut self, access: Access, datagram: &mut Datagram<'_>, or: bool, now: u64) {
         let address = datagram.memory();
         let mut read = vec![0; datagram.data.len()];
@@ -62,7 +63,7 @@ impl Device {
         );
     }
 
-    /// Takes notice of what a datagram has done.
+    /// Handles the events that a datagram has caused: requests become due after the times of the settings.
     fn handle_events(&mut self, now: u64) {
         for event in self.controller.take_events() {
             match event {

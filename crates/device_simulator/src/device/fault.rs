@@ -15,15 +15,15 @@ pub enum Fault {
     Sync0Missing,
     /// Additional drift of the device's clock \[ppb\].
     Drift(i64),
-    /// The device does not read its mailbox.
+    /// The device does not read its mailbox, which stays full.
     MailboxNotServed,
     /// SDO access to this object is aborted with this code.
     SdoAbort(Key, Abort),
-    /// The cable at a port (0 or 1) is damaged: one of so many frames is, which is counted, and is lost.
+    /// The cable at a port (0 or 1) damages frames at regular intervals; each is counted as an error, and lost.
     DamagedCable {
         /// Port.
         port: u8,
-        /// Frames of which one is damaged; 0 none.
+        /// Number of frames of which the last is damaged; 0 for no damage.
         frames_per_error: u32,
     },
     /// The device sends this emergency message.

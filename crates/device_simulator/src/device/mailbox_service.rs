@@ -6,7 +6,7 @@ use crate::mailbox::{self, Request};
 use crate::object_dictionary::{Abort, Key};
 
 impl Device {
-    /// Answers the request that lies in the mailbox.
+    /// Answers the request in the mailbox, and empties it.
     pub(super) fn answer(&mut self) {
         let Some([requests, _]) = self.settings.mailbox else { return };
         if self.faults.contains(&Fault::MailboxNotServed) || self.state == State::Init {
@@ -27,7 +27,7 @@ impl Device {
         }
     }
 
-    /// Answers an SDO request.
+    /// Response to an SDO request; `None` if there is none.
     fn sdo(&mut self, request: &[u8]) -> Option<Vec<u8>> {
         let mailbox_length =
             self.settings.mailbox.map_or(0, |[_, answers]| usize::from(answers.length));
@@ -57,14 +57,14 @@ impl Device {
         mailbox::answer(request, mailbox_length, read, write)
     }
 
-    /// Sends a message with the next counter, after those that wait.
+    /// Queues a message, which is made with the next mailbox counter (1 to 7).
     pub(super) fn send(&mut self, message: impl FnOnce(u8) -> Vec<u8>) {
         self.mailbox_counter = self.mailbox_counter % 7 + 1;
         self.answers.push_back(message(self.mailbox_counter));
         self.fill_with_next();
     }
 
-    /// Puts the next message into the mailbox, where that is empty.
+    /// Writes the next message into the mailbox for answers, where that is empty.
     pub(super) fn fill_with_next(&mut self) {
         let Some([_, area]) = self.settings.mailbox else { return };
         if SyncManager::is_full(&self.controller.memory, area.sync_manager) {
@@ -76,7 +76,7 @@ impl Device {
         }
     }
 
-    /// The last message is repeated; its toggle is confirmed.
+    /// Writes the last message into the mailbox again, and acknowledges the repeat request by its toggle bit.
     pub(super) fn repeat_last(&mut self) {
         let Some([_, area]) = self.settings.mailbox else { return };
         let at = 0x0806 + 8 * area.sync_manager;
@@ -87,6 +87,7 @@ impl Device {
         self.controller.memory.set(at + 1, &[toggle]);
     }
 
+    /// Writes the last message into the mailbox for answers, and marks it as full.
     fn fill_mailbox(&mut self, area: Area) {
         let to = self.controller.memory.bytes_mut(area.start, usize::from(area.length));
         to.fill(0);

@@ -23,30 +23,41 @@ use std::collections::VecDeque;
 
 /// Simulated EtherCAT device: controller, state machine, mailbox, object dictionary and application.
 pub struct Device {
+    /// Identity, memory layout, synchronisation and times.
     settings: Settings,
     /// Device controller: registers, memory and clock.
     pub controller: Controller,
     /// CoE object dictionary.
     pub dictionary: ObjectDictionary,
+    /// Function behind the controller.
     application: Box<dyn Application>,
+    /// AL state.
     state: State,
+    /// AL status code of an error that is not acknowledged.
     error: Option<AlStatusCode>,
-    /// Requested state, and when it is due \[ns\].
+    /// When a request is carried out \[ns\], and the byte that was written to AL control.
     requested: Option<(u64, u8)>,
-    /// When SAFEOP was asked to go to OP \[ns\].
+    /// When OP was requested that is still waited for \[ns\]; none without such a request.
     op_requested_at: Option<u64>,
+    /// Mapped outputs, from SAFEOP on.
     outputs: Vec<MappedEntry>,
+    /// Mapped inputs, from SAFEOP on.
     inputs: Vec<MappedEntry>,
+    /// Outputs and SYNC0 since SAFEOP.
     sync_counters: SyncCounters,
     /// When the request in the mailbox is answered \[ns\].
     answer_due: Option<u64>,
+    /// Messages that wait for the mailbox to be empty.
     answers: VecDeque<Vec<u8>>,
+    /// The message in the mailbox, for a repeat request.
     last_answer: Vec<u8>,
+    /// Counter of the last message, 1 to 7 (ETG.1000.4, mailbox header).
     mailbox_counter: u8,
+    /// Lasting injected faults.
     faults: Vec<Fault>,
-    /// Frames that came by a damaged cable.
+    /// Frames received over a damaged cable.
     received_frames: u32,
-    /// How far time has gone \[ns\].
+    /// Time to which it was advanced \[ns\].
     now: u64,
 }
 
@@ -119,7 +130,7 @@ impl Device {
         self.controller.clock.is_sync0_suppressed = false;
     }
 
-    /// Begins with a frame: one that the device does not hear passes it untouched.
+    /// Whether the device processes the next frame; one that it ignores by an injected fault passes untouched.
     pub(crate) fn accepts_frame(&mut self) -> bool {
         let ignored = self.faults.iter_mut().find_map(|fault| match fault {
             Fault::FramesIgnored(frames) if *frames > 0 => Some(frames),
@@ -132,7 +143,7 @@ impl Device {
         true
     }
 
-    /// A frame comes by a port; whether it came undamaged. A damaged one is counted.
+    /// Receives a frame at a port; returns whether it is undamaged. A damaged one is counted in 0x0300 and 0x0301.
     pub(crate) fn receives_undamaged(&mut self, port: u8) -> bool {
         let damage_at_port = |fault: &Fault| match fault {
             Fault::DamagedCable { port: at, frames_per_error } if *at == port => {

@@ -5,28 +5,29 @@ use crate::al_status_code::AlStatusCode;
 use crate::controller::DistributedClock;
 use crate::object_dictionary::{mapped_bytes, pack, unpack};
 
-/// Outputs and SYNC0 events received since the device went into SAFEOP.
+/// Outputs and SYNC0 events since the device went into SAFEOP, for the synchronisation of ETG.1020.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SyncCounters {
-    /// When outputs came last \[ns\].
+    /// When outputs were received last \[ns\]; none before the first.
     pub(super) outputs: Option<u64>,
+    /// Whether SYNC0 has come.
     pub(super) has_received_sync0: bool,
-    /// Outputs since the last SYNC0.
+    /// Outputs received since the last SYNC0.
     outputs_since_sync0: u32,
-    /// Missed cycles, a missed one for three.
+    /// Counter of missed cycles: plus [`MISSED_CYCLE_WEIGHT`] for a missed one, minus 1 for a good one, at least 0.
     missed: u32,
 }
 
-/// Weight of a missed cycle; a good one takes one back.
+/// Weight of a missed cycle in the counter, as of the sync error counter 0x10F1:02 of many drives.
 const MISSED_CYCLE_WEIGHT: u32 = 3;
 
 impl Device {
-    /// Whether outputs and inputs go by SYNC0.
+    /// Whether outputs and inputs are taken over at SYNC0 (0x0981); else with the frame.
     pub(super) fn uses_sync0(&self) -> bool {
         DistributedClock::settings(&self.controller.memory).0[0]
     }
 
-    /// Whole outputs were written.
+    /// Outputs were written completely at the time `now` \[ns\].
     pub(super) fn outputs_written(&mut self, now: u64) {
         if self.state < State::SafeOp {
             return;
@@ -44,7 +45,7 @@ impl Device {
         self.enter_op_when_ready(now);
     }
 
-    /// Enters OP where that was waited for.
+    /// Enters OP where it was requested and its conditions are met.
     fn enter_op_when_ready(&mut self, now: u64) {
         if self.op_requested_at.is_some() && self.is_ready_for_op() {
             self.op_requested_at = None;
@@ -52,7 +53,7 @@ impl Device {
         }
     }
 
-    /// SYNC0: outputs that came in time count, inputs are latched.
+    /// SYNC0 at the time `now` \[ns\]: outputs are taken over, inputs latched, and late or missing outputs counted.
     pub(super) fn sync0(&mut self, now: u64) {
         if self.state < State::SafeOp {
             return;
@@ -80,6 +81,7 @@ impl Device {
         self.enter_op_when_ready(now);
     }
 
+    /// In OP, passes the outputs in the memory to the application.
     fn transfer_outputs(&mut self, now: u64) {
         let Some(area) = self.settings.outputs.filter(|_| self.state == State::Op) else { return };
         let bytes = self.controller.memory.bytes(area.start, mapped_bytes(&self.outputs));
@@ -87,6 +89,7 @@ impl Device {
         self.application.outputs(&mut self.dictionary, now);
     }
 
+    /// Puts the inputs of the application into the memory.
     pub(super) fn latch_inputs(&mut self, now: u64) {
         self.application.inputs(&mut self.dictionary, now);
         let Some(area) = self.settings.inputs else { return };

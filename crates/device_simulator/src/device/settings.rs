@@ -1,6 +1,6 @@
 //! Settings of a device: identity, memory layout and synchronisation.
 
-/// Identity of a device, as in object 0x1018 and in the EEPROM.
+/// Identity of a device, as in object 0x1018 and in words 8 to 15 of the EEPROM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// Vendor ID.
@@ -40,7 +40,8 @@ pub struct Synchronisation {
     /// Limit of the counter of missed cycles, beyond which the device leaves OP. A missed cycle adds three, a good
     /// one subtracts one (as object 0x10F1:02 of many drives).
     pub missed_limit: u32,
-    /// Time for which the device waits in SAFEOP for SYNC0 and outputs until it refuses OP \[ns\].
+    /// Time for which the device waits in SAFEOP for SYNC0 and outputs until it refuses OP \[ns\], with the AL status
+    /// code 0x002D or 0x0019.
     pub op_timeout: u64,
 }
 
@@ -116,7 +117,7 @@ impl Settings {
     }
 }
 
-/// Control bytes of the sync managers of mailboxes: requests, answers.
+/// Control bytes (0x0804 + 8 n) of the sync managers of mailboxes: requests, answers.
 pub const MAILBOX_CONTROL: [u8; 2] = [0x26, 0x22];
 /// Control bytes of the sync managers of process data: outputs (with the watchdog), inputs.
 pub const PROCESS_DATA_CONTROL: [u8; 2] = [0x64, 0x20];

@@ -1,4 +1,4 @@
-//! State machine of a device (ESM): which states may be requested, and the checks of each transition.
+//! EtherCAT state machine (ESM, ETG.1000.6): which transitions are allowed, and the checks of each.
 
 use super::settings::{Area, MAILBOX_CONTROL, MODE_AND_DIRECTION, PROCESS_DATA_CONTROL, Settings};
 use crate::al_status_code::AlStatusCode;
@@ -36,7 +36,7 @@ impl State {
     }
 }
 
-/// Whether a change is allowed at all: a state up, or any down.
+/// Whether the state machine has a transition: one state up, or any number down.
 fn is_allowed(from: State, to: State) -> bool {
     to <= from
         || matches!(
@@ -73,7 +73,7 @@ pub fn check(
     }
 }
 
-/// The sync managers of the mailboxes are as the EEPROM states them.
+/// Sync managers of the mailboxes have to be those that the EEPROM states; else AL status code 0x0016.
 fn mailboxes(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     let Some(areas) = settings.mailbox else { return Ok(()) };
     for (area, control) in areas.into_iter().zip(MAILBOX_CONTROL) {
@@ -89,7 +89,8 @@ fn mailboxes(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     Ok(())
 }
 
-/// The mapping is allowed, and the sync managers have its length.
+/// The mapping has to be allowed, and sync managers have to have its length; else 0x0024, 0x0025, 0x0017, 0x001D or
+/// 0x001E.
 fn process_data(
     memory: &Memory,
     settings: &Settings,
@@ -120,7 +121,8 @@ fn process_data(
     Ok(())
 }
 
-/// A sync manager for process data of a length \[byte\].
+/// Checks a sync manager for process data of a length `bytes` \[byte\]; `mismatch` is the AL status code of a wrong
+/// address or length.
 fn buffer(
     memory: &Memory,
     area: Area,
@@ -141,7 +143,7 @@ fn buffer(
     Ok(())
 }
 
-/// A watchdog that the device insists on.
+/// A watchdog that the device requires has to run, within its longest time; else 0x001F.
 fn watchdog(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     let Some(longest) = settings.longest_watchdog else { return Ok(()) };
     let is_triggered = settings
@@ -153,10 +155,10 @@ fn watchdog(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     }
 }
 
-/// Object that states how outputs are synchronised: 0 free run, 1 by the frame, 2 by SYNC0, 3 by SYNC1.
+/// Synchronisation type of outputs (ETG.1020): 0 free run, 1 by the sync manager event, 2 by SYNC0, 3 by SYNC1.
 const SYNCHRONISATION_TYPE: (u16, u8) = (0x1c32, 1);
 
-/// SYNC0 and SYNC1 are what the device can do, with cycles that it takes.
+/// SYNC0 and SYNC1 have to be supported, with supported cycles; else 0x0027, 0x0030, 0x0036 or 0x0037.
 fn synchronisation(
     memory: &Memory,
     settings: &Settings,

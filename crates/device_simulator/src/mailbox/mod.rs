@@ -1,4 +1,4 @@
-//! Mailbox: a header of six bytes, and CANopen objects over it (CoE).
+//! Mailbox: a header of six bytes (ETG.1000.4), and CANopen over EtherCAT over it (CoE, ETG.1000.6).
 
 mod sdo_server;
 
@@ -24,10 +24,13 @@ pub enum Request {
     Malformed,
 }
 
-/// Services of CoE.
+/// Service of CoE (ETG.1000.6): emergency.
 const EMERGENCY: u8 = 1;
+/// SDO request; also the service of an abort.
 const SDO_REQUEST: u8 = 2;
+/// SDO response.
 const SDO_RESPONSE: u8 = 3;
+/// SDO information.
 const SDO_INFORMATION: u8 = 8;
 
 /// Parses a mailbox message.
@@ -45,7 +48,7 @@ pub fn request(bytes: &[u8]) -> Request {
     }
 }
 
-/// An answer of a service of CoE, with its counter (1 to 7).
+/// Mailbox message of a CoE service, with its mailbox counter (1 to 7).
 fn coe(service: u8, counter: u8, data: &[u8]) -> Vec<u8> {
     let mut bytes = ((data.len() + 2) as u16).to_le_bytes().to_vec();
     bytes.extend([0, 0, 0, COE | counter << 4, 0, service << 4]);

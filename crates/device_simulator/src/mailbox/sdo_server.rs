@@ -1,5 +1,5 @@
-//! SDO server: expedited and normal upload and download, and abort. No segments: a value that does not fit the mailbox
-//! is refused.
+//! SDO server (ETG.1000.6): expedited and normal upload and download, and abort. No segments and no complete access: a
+//! value that does not fit the mailbox is refused.
 
 use crate::object_dictionary::{Abort, Key};
 
@@ -39,7 +39,7 @@ pub fn answer(
     }))
 }
 
-/// The data of a download request.
+/// Data of a download request, expedited or normal.
 fn download_data(request: &[u8]) -> Result<&[u8], Abort> {
     let command = request[0];
     let (is_expedited, has_size) = (command & 2 != 0, command & 1 != 0);
@@ -52,7 +52,7 @@ fn download_data(request: &[u8]) -> Result<&[u8], Abort> {
     request.get(8..8usize.saturating_add(size)).ok_or(Abort::OutOfMemory)
 }
 
-/// The response to an upload request.
+/// Response to an upload request: expedited up to 4 bytes, else normal.
 fn upload_response(
     value: &[u8],
     mailbox_length: usize,

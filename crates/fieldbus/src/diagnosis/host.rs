@@ -107,6 +107,7 @@ fn numbers_of(interrupts: &str, interface: &str) -> Vec<String> {
     interrupts.lines().filter_map(number).collect()
 }
 
+/// Names of the entries of a folder; none where it cannot be read.
 fn names_in(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()

@@ -89,6 +89,7 @@ pub(crate) fn listen<L: Link>(
     })
 }
 
+/// Exchanges process data once, until the deadline of the answer, and updates the estimate of SYNC0.
 fn exchange<L: Link>(
     wire: &mut Wire<L>,
     group: &Devices<SafeOp>,

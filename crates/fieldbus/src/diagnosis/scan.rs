@@ -9,17 +9,21 @@ use ethercrab::{Command, EtherCrabWireRead, EtherCrabWireSized, RegisterAddress}
 
 /// Largest number of devices that are scanned.
 pub(super) const MOST_POSITIONS: u16 = 64;
-/// Registers of the error counters.
+/// First register of the error counters (ETG.1000.4).
 const ERROR_COUNTERS: u16 = 0x0300;
-/// Registers of the EEPROM interface: owner, command with address, data.
+/// Registers of the EEPROM interface (ETG.1000.4): owner.
 const EEPROM_OWNER: u16 = 0x0500;
+/// Control and status, with the word address behind it.
 const EEPROM_CONTROL: u16 = 0x0502;
+/// Data that were read.
 const EEPROM_DATA: u16 = 0x0508;
-/// Owner: access is first taken from the application, then given to the main device.
+/// Owner: access is first taken from the application.
 const FORCE_RELEASE: u8 = 2;
+/// Access is given to the main device.
 const ASSIGN_TO_MAIN_DEVICE: u8 = 0;
-/// Read command, and the busy bit.
+/// Command: read.
 const READ: u16 = 0x0100;
+/// Bit of the status: the command is not done.
 const IS_BUSY: u16 = 0x8000;
 /// Time that a word of the EEPROM takes at most \[ns\].
 const WORD_TIMEOUT: u64 = 20_000_000;
@@ -56,6 +60,7 @@ pub(crate) fn read_states<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) 
     }
 }
 
+/// Ports, AL status, AL status code and error counters of the device at a position.
 fn registers<L: Link>(wire: &mut Wire<L>, position: u16) -> Result<LineDevice, Error> {
     let counters: [u8; 20] = read(wire, position, ERROR_COUNTERS)?;
     Ok(LineDevice {
@@ -77,7 +82,7 @@ pub(crate) fn read<L: Link, T: EtherCrabWireRead + EtherCrabWireSized>(
     wire.run(Command::aprd(position, register).receive(main))
 }
 
-/// Vendor, product and revision.
+/// Vendor ID, product code and revision number in the EEPROM of the device at a position.
 fn identity<L: Link>(wire: &mut Wire<L>, position: u16) -> Result<[u32; 3], Error> {
     let main = wire.main;
     for owner in [FORCE_RELEASE, ASSIGN_TO_MAIN_DEVICE] {

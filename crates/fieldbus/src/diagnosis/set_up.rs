@@ -16,22 +16,27 @@ use ethercrab::{EtherCrabWireReadSized, RegisterAddress, SubDevice, SubDeviceRef
 use hydroboom_realtime::failure::{guarded, hand_panics_on};
 use std::ops::Deref;
 
-/// Unit of the watchdog divider (0x0400) \[ns\], and the offset that is added to its value.
+/// Unit of the watchdog divider (0x0400) \[ns\].
 const DIVIDER_UNIT: u64 = 40;
+/// Offset that is added to the divider.
 const DIVIDER_OFFSET: u64 = 2;
 /// Registers of the SYNC unit: control (0x0980) and activation (0x0981).
 const SYNC_UNIT: u16 = 0x0980;
 /// System time difference from the reference clock; its bit 31 is the sign.
 const CLOCK_DIFFERENCE: u16 = 0x092c;
+/// Sign bit of the difference: the own clock is behind the reference.
 const IS_BEHIND: u32 = 0x8000_0000;
-/// Registers of sync managers, their number and size \[byte\].
+/// First register of the sync managers (ETG.1000.4).
 const SYNC_MANAGERS: u16 = 0x0800;
+/// Number of sync managers that are read.
 const MOST_MANAGERS: u16 = 8;
+/// Registers of a sync manager \[byte\].
 const MANAGER_SIZE: u16 = 8;
-/// Control byte of a sync manager: mask of mode and direction; buffered and written by the main device; watchdog
-/// trigger.
+/// Control byte of a sync manager: mask of mode and direction.
 const MODE_AND_DIRECTION: u8 = 0x0f;
+/// Buffered, written by the main device.
 const OUTPUTS: u8 = 0x04;
+/// Watchdog trigger enable.
 const TRIGGERS_WATCHDOG: u8 = 0x40;
 
 /// Brings the devices to SAFEOP, or as far as they go, and fills in the facts.
@@ -81,6 +86,7 @@ pub(crate) fn examine<L: Link>(wire: &mut Wire<L>, table: &Table, bus: &mut BusF
     into_safe_op(wire, group, table, bus);
 }
 
+/// Records why the devices did not go to PREOP, with their AL status codes.
 fn record_refusal<L: Link>(wire: &mut Wire<L>, bus: &mut BusFacts, why: String) {
     bus.pre_op_refused = Some(why);
     scan::read_states(wire, &mut bus.line);

@@ -80,6 +80,7 @@ fn start_up_sdos(
     start_up
 }
 
+/// PDOs as the table lists them.
 fn pdos(lists: &[schema::Pdo]) -> Vec<Pdo> {
     let entry =
         |(index, sub, bits): &(u16, u8, u8)| Entry { index: *index, sub: *sub, bits: *bits };
@@ -101,8 +102,8 @@ pub(super) fn check_sizes(devices: &[DeviceRow], problems: &mut Problems<'_>) {
     }
 }
 
-/// Offset and length \[bit\] of an entry, by index and subindex, in the process data of PDOs in their order; none where
-/// it is not mapped. A gap has no index and is never found.
+/// Offset and length \[bit\] of an entry, by index and subindex, in the process data of PDOs in their order. None
+/// where it is not mapped; a gap has no index and is never found.
 pub(super) fn locate(pdos: &[Pdo], (index, sub): (u16, u8)) -> Option<(usize, u8)> {
     let mut bit = 0;
     for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {

@@ -21,7 +21,9 @@ impl std::error::Error for TableError {}
 /// A part of a key: a name, or a place in a list.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Part {
+    /// Name of a key.
     Name(&'static str),
+    /// Place in a list, from 0.
     Index(usize),
 }
 
@@ -39,14 +41,18 @@ impl From<usize> for Part {
 
 /// Collects problems of a file.
 pub(super) struct Problems<'a> {
+    /// Name of the file, for messages.
     file: &'a str,
+    /// Text of the file, in which lines are looked up.
     text: &'a str,
     /// Names around the table in its file.
     prefix: &'static [&'static str],
+    /// Problems so far, one sentence each.
     sentences: Vec<String>,
 }
 
 impl<'a> Problems<'a> {
+    /// No problems of a file with this name and text; `prefix` are the tables around its keys.
     pub(super) fn new(file: &'a str, text: &'a str, prefix: &'static [&'static str]) -> Self {
         Self { file, text, prefix, sentences: Vec::new() }
     }
@@ -69,6 +75,7 @@ impl<'a> Problems<'a> {
         self.add(key, &format!("{read} was read; allowed is {allowed}"));
     }
 
+    /// `value` without problems, else all of them.
     pub(super) fn into_result<T>(self, value: T) -> Result<T, TableError> {
         if self.sentences.is_empty() {
             Ok(value)
@@ -78,6 +85,7 @@ impl<'a> Problems<'a> {
     }
 }
 
+/// Key as messages have it: `device[2].sdo[1].value`, places from 1.
 fn path(key: &[Part]) -> String {
     let mut path = String::new();
     for part in key {

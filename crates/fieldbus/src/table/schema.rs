@@ -10,15 +10,20 @@ use serde::Deserialize;
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
+    /// `[bus]`.
     pub(super) bus: Bus,
+    /// `[[device]]`, in the order of the line.
     pub(super) device: Vec<Device>,
+    /// `[[measured]]`.
     pub(super) measured: Vec<Measured>,
+    /// `[[commanded]]`.
     pub(super) commanded: Vec<Commanded>,
 }
 
 /// The part of a crane file that is read here.
 #[derive(Deserialize)]
 pub(super) struct CraneFile {
+    /// `[machine]`; none where the crane file has none.
     pub(super) machine: Option<Machine>,
 }
 
@@ -26,6 +31,7 @@ pub(super) struct CraneFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Machine {
+    /// `[machine.ethercat]`; none where the machine is not on EtherCAT.
     pub(super) ethercat: Option<File>,
 }
 
@@ -33,13 +39,20 @@ pub(super) struct Machine {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Bus {
+    /// Cycle of the bus, of SYNC0 and of control \[us\], 250 to 10000.
     pub(super) period_us: u32,
+    /// Exchanges of process data in a cycle, 1 or 2.
     pub(super) exchanges: u32,
+    /// First exchange after SYNC0 \[us\], 1 to the period less 1.
     pub(super) exchange_us: u32,
+    /// Second exchange after SYNC0 \[us\], between the first and the end of the period; ignored with one exchange.
     #[serde(default)]
     pub(super) send_us: u32,
+    /// Cycles with a loss that are tolerated in the window, less than its length.
     pub(super) lost_frames_max: u32,
+    /// Length of the window \[cycles\], 1 to 100000.
     pub(super) window_cycles: u32,
+    /// Time after a fault in which enabled drives brake with torque \[ms\], 0 to 10000.
     pub(super) brake_ms: u32,
 }
 
@@ -47,8 +60,11 @@ pub(super) struct Bus {
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Sync {
+    /// No SYNC signal: free run, or by the sync manager event.
     None,
+    /// SYNC0.
     Sync0,
+    /// SYNC0 and SYNC1, whose cycle is `sync1_us`.
     Sync01,
 }
 
@@ -56,8 +72,10 @@ pub(super) enum Sync {
 #[derive(Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Mapping {
+    /// A difference is a mismatch.
     #[default]
     Checked,
+    /// The table is written by SDO in PREOP.
     Written,
 }
 
@@ -65,6 +83,7 @@ pub(super) enum Mapping {
 #[derive(Clone, Copy, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Profile {
+    /// Drive by CiA 402 in cyclic synchronous velocity.
     Cia402,
 }
 
@@ -72,21 +91,34 @@ pub(super) enum Profile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Device {
+    /// Name in messages and in the rows of signals; each device has another.
     pub(super) name: String,
+    /// Vendor ID, object 0x1018:01.
     pub(super) vendor: u32,
+    /// Product code, object 0x1018:02.
     pub(super) product: u32,
+    /// Lowest and highest revision, object 0x1018:03.
     pub(super) revision: [u32; 2],
+    /// Process-data watchdog \[ms\], two periods to 6500; none: the device keeps its own.
     pub(super) watchdog_ms: Option<u32>,
+    /// SYNC signals.
     pub(super) sync: Sync,
+    /// Cycle of SYNC1 \[us\].
     pub(super) sync1_us: Option<u32>,
+    /// Profile of a drive.
     pub(super) profile: Option<Profile>,
+    /// Status bits of an open stop circuit, among the inputs.
     pub(super) stop_circuit: Option<Condition>,
+    /// Whether PDOs that differ are written.
     #[serde(default)]
     pub(super) mapping: Mapping,
+    /// Start-up SDOs, in the order in which they are written.
     #[serde(default)]
     pub(super) sdo: Vec<Sdo>,
+    /// RxPDOs, as 0x1C12 assigns them.
     #[serde(default)]
     pub(super) outputs: Vec<Pdo>,
+    /// TxPDOs, as 0x1C13 assigns them.
     #[serde(default)]
     pub(super) inputs: Vec<Pdo>,
 }
@@ -95,10 +127,15 @@ pub(super) struct Device {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Sdo {
+    /// Index of the object.
     pub(super) index: u16,
+    /// Subindex of the object.
     pub(super) sub: u8,
+    /// Type of the object.
     pub(super) r#type: NumberType,
+    /// Value, within the range of the type.
     pub(super) value: i64,
+    /// Why it is written, for messages.
     pub(super) reason: String,
 }
 
@@ -106,7 +143,9 @@ pub(super) struct Sdo {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Pdo {
+    /// Index of the mapping object, 0x1600 or 0x1A00 and up.
     pub(super) list: u16,
+    /// Index, subindex and length \[bit\] of each entry; index 0 is a gap.
     pub(super) entries: Vec<(u16, u8, u8)>,
 }
 
@@ -114,8 +153,11 @@ pub(super) struct Pdo {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Condition {
+    /// Index and subindex, among the inputs of the device.
     pub(super) entry: (u16, u8),
+    /// Bits that are compared, not 0.
     pub(super) mask: u64,
+    /// Their value, within the mask.
     pub(super) value: u64,
 }
 
@@ -123,9 +165,13 @@ pub(super) struct Condition {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct InvalidCondition {
+    /// Index and subindex, among the inputs of the device.
     pub(super) entry: (u16, u8),
+    /// Bits that are compared, not 0.
     pub(super) mask: u64,
+    /// Their value, within the mask.
     pub(super) value: u64,
+    /// Cause.
     pub(super) means: Meaning,
 }
 
@@ -133,7 +179,9 @@ pub(super) struct InvalidCondition {
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Meaning {
+    /// The signal is not measured.
     WireBreak,
+    /// The signal is beyond the range of its sensor.
     OutOfRange,
 }
 
@@ -141,19 +189,30 @@ pub(super) enum Meaning {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Measured {
+    /// Axis, from 0.
     pub(super) axis: usize,
+    /// Name with unit, one of `MEASURED`.
     pub(super) signal: String,
+    /// Name of the device.
     pub(super) device: String,
+    /// Index and subindex among its inputs.
     pub(super) entry: (u16, u8),
+    /// Type of the counts, as long as the entry.
     pub(super) r#type: NumberType,
+    /// SI units per count, positive.
     pub(super) factor: f64,
+    /// SI value at zero counts.
     #[serde(default)]
     pub(super) offset: f64,
+    /// Direction, 1 or -1.
     #[serde(default = "positive")]
     pub(super) sign: i8,
+    /// Lowest and highest SI value.
     pub(super) range: [f64; 2],
+    /// Status bits that make it invalid.
     #[serde(default)]
     pub(super) invalid: Vec<InvalidCondition>,
+    /// Source of the factor: data sheet, object or calibration.
     pub(super) provenance: String,
 }
 
@@ -161,17 +220,27 @@ pub(super) struct Measured {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Commanded {
+    /// Axis, from 0.
     pub(super) axis: usize,
+    /// Name with unit, one of `COMMANDED`.
     pub(super) signal: String,
+    /// Name of the device.
     pub(super) device: String,
+    /// Index and subindex among its outputs.
     pub(super) entry: (u16, u8),
+    /// Type of the counts, as long as the entry.
     pub(super) r#type: NumberType,
+    /// SI units per count, positive.
     pub(super) factor: f64,
+    /// SI value at zero counts.
     #[serde(default)]
     pub(super) offset: f64,
+    /// Direction, 1 or -1.
     #[serde(default = "positive")]
     pub(super) sign: i8,
+    /// Lowest and highest SI value, with 0 between.
     pub(super) range: [f64; 2],
+    /// Source of the factor: data sheet, object or calibration.
     pub(super) provenance: String,
 }
 

@@ -12,15 +12,25 @@ use hydroboom_control::measurement::AXES;
 struct Signal<'a> {
     /// Name of the list that the row is in.
     list: &'static str,
+    /// Number of the row in its list, from 0.
     row: usize,
+    /// Axis, from 0.
     axis: usize,
+    /// Name of the device.
     device: &'a str,
+    /// Index and subindex of the entry.
     entry: (u16, u8),
+    /// Type of the counts.
     kind: NumberType,
+    /// SI units per count.
     factor: f64,
+    /// SI value at zero counts.
     offset: f64,
+    /// Direction, 1 or -1.
     sign: i8,
+    /// Lowest and highest SI value.
     range: [f64; 2],
+    /// Source of the factor.
     provenance: &'a str,
 }
 

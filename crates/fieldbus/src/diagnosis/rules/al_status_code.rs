@@ -19,10 +19,12 @@ pub(super) fn explanation(code: u16) -> &'static Explanation {
     EXPLANATIONS.iter().find(|listed| listed.code == code).unwrap_or(&NOT_LISTED)
 }
 
+/// Shorthand for the rows below.
 const fn explain(code: u16, cause: &'static str, advice: &'static str) -> Explanation {
     Explanation { code, cause, advice }
 }
 
+/// Of every code that is not listed, as those from 0x8000 on, which are the maker's.
 static NOT_LISTED: Explanation = explain(
     0,
     "its reason is not one that ETG.1000.6 lists",

@@ -10,6 +10,7 @@ const LONGEST_DELAY: u32 = 3_000;
 /// Advice where frames are damaged.
 const REPLACE_CABLE: &str = "replace the cable and its plugs, and keep it away from motor cables";
 
+/// Findings of all cables, or that no device answers.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     if bus.line.is_empty() {
         return vec![Finding::error(
@@ -55,6 +56,8 @@ fn port_with_most(count: impl Fn(usize) -> u8) -> Option<(usize, u8)> {
         .filter(|(_, n)| *n > 0)
 }
 
+/// Damaged frames at the port with most of them (0x0300 to 0x030B): an error where they increase during the
+/// diagnosis.
 fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
     let device = &bus.line[position];
     let after = device.errors_after.unwrap_or(device.errors);
@@ -83,6 +86,7 @@ fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Find
     })
 }
 
+/// Lost links at the port with most of them (0x0310 to 0x0313): an error where they increased during the diagnosis.
 fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
     let device = &bus.line[position];
     let after = device.errors_after.unwrap_or(device.errors);

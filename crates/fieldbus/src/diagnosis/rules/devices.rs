@@ -8,6 +8,7 @@ use crate::diagnosis::scan::MOST_POSITIONS;
 use crate::start_up::MOST_DEVICES;
 use crate::table::{DeviceRow, Table};
 
+/// Findings of number, order and identity.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found: Vec<Finding> = too_many(table, bus).into_iter().collect();
     found.extend(compare(table, bus));
@@ -157,10 +158,12 @@ fn link_behind(table: &Table, bus: &BusFacts, last: usize) -> String {
     }
 }
 
+/// Name of a row with its position.
 fn row_text(row: &DeviceRow, position: usize) -> String {
     format!("{} (position {position})", row.name)
 }
 
+/// Name of a device with its position, vendor and product.
 fn device_text(device: &DeviceFacts, position: usize) -> String {
     let [vendor, product, _] = device.identity;
     format!(

@@ -7,6 +7,7 @@ use crate::diagnosis::host::HostFacts;
 /// Priority for the interrupt: above the bus task's and above the simulation's 80.
 const INTERRUPT_PRIORITY: i32 = 85;
 
+/// Findings of this computer, all of them warnings.
 pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
     let HostFacts { interface, .. } = host;
     let mut found = Vec::new();

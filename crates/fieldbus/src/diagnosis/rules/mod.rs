@@ -51,6 +51,7 @@ pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding>
     found
 }
 
+/// Whether number, vendors, products and revisions are those of the table.
 fn identities_match(table: &Table, bus: &BusFacts) -> bool {
     bus.devices.len() == table.devices.len() && identities_fit(table, &bus.devices)
 }

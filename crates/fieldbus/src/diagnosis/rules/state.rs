@@ -9,6 +9,7 @@ use crate::table::Table;
 /// Error bit of the AL status.
 const HAS_ERROR: u16 = 0x10;
 
+/// Findings of AL status (0x0130) and AL status code (0x0134) of each device, before and after the diagnosis.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
     let requested = match (&bus.pre_op_refused, &bus.safe_op_refused) {

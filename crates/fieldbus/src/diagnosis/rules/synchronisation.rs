@@ -5,14 +5,17 @@ use crate::diagnosis::facts::{BusFacts, SetUp};
 use crate::diagnosis::finding::{Finding, Stage};
 use crate::table::{DeviceRow, Sync, Table};
 
-/// Synchronisation types of 0x1C32:01 and 0x1C33:01 (ETG.1020): by SYNC0, by SYNC1, inputs by the outputs' frame.
+/// Synchronisation type of 0x1C32:01 and 0x1C33:01 (ETG.1020): by SYNC0.
 const BY_SYNC0: u16 = 2;
+/// By SYNC1.
 const BY_SYNC1: u16 = 3;
+/// Inputs by the sync manager event of the outputs.
 const BY_OUTPUTS: u16 = 0x22;
 /// Difference from the reference clock beyond which a clock does not follow it \[ns\]: far above the microsecond that
 /// devices keep to.
 const LARGEST_DIFFERENCE: i64 = 20_000;
 
+/// Findings of clocks and synchronisation objects, for devices that were set up.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
     let reference = bus.devices.iter().position(|device| device.has_clock);
@@ -107,6 +110,7 @@ fn types(this: &str, row: &DeviceRow, set_up: &SetUp) -> Vec<Finding> {
     found
 }
 
+/// Name of a synchronisation type of 0x1C32:01 or 0x1C33:01 (ETG.1020).
 fn type_name(kind: u16) -> &'static str {
     match kind {
         0 => "free run",

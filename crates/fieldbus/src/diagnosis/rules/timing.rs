@@ -11,6 +11,7 @@ pub(super) fn is_delayed(bus: &BusFacts, others: &[Finding]) -> bool {
     })
 }
 
+/// Whether a cable damages frames now.
 fn has_damaged_cable(others: &[Finding]) -> bool {
     let is_cable =
         |other: &Finding| other.severity == Severity::Error && other.stage == Stage::Cable;

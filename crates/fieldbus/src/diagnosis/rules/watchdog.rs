@@ -8,6 +8,7 @@ use crate::table::Table;
 /// Time of the watchdog after power-on \[ns\] (ETG.1000.4): a longer one was set later.
 const DEFAULT_TIMEOUT: u64 = 100_000_000;
 
+/// Findings of process-data watchdogs, and of sync managers that do not trigger them.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
     for (position, (row, set_up)) in table.devices.iter().zip(&bus.set_up).enumerate() {
