@@ -1,4 +1,4 @@
-//! Link: carries Ethernet frames to the devices and back (IEC 61158-3-12, EtherCAT over Ethernet, EtherType 0x88A4).
+//! Link: carries Ethernet frames to the devices and back (IEC 61158-4-12, EtherType 0x88A4).
 
 /// A network interface, or devices that are simulated. All times are those of [`now`](crate::time::now) \[ns\].
 pub trait Link {
