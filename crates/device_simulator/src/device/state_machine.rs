@@ -158,7 +158,8 @@ fn watchdog(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
 /// Synchronisation type of outputs (ETG.1020): 0 free run, 1 by the sync manager event, 2 by SYNC0, 3 by SYNC1.
 const SYNCHRONISATION_TYPE: (u16, u8) = (0x1c32, 1);
 
-/// SYNC0 and SYNC1 have to be supported, with supported cycles; else 0x0027, 0x0030, 0x0036 or 0x0037.
+/// SYNC0 and SYNC1 have to be supported, with supported cycles; else 0x0027, 0x0030, 0x0035 (shorter than the
+/// shortest cycle), 0x0036 (no multiple of it) or 0x0037.
 fn synchronisation(
     memory: &Memory,
     settings: &Settings,
@@ -182,7 +183,10 @@ fn synchronisation(
             return Err(AlStatusCode::InvalidSyncConfiguration);
         }
     }
-    if cycle0 < supported.base_cycle || cycle0 % supported.base_cycle != 0 {
+    if cycle0 < supported.base_cycle {
+        return Err(AlStatusCode::InvalidSyncCycle);
+    }
+    if cycle0 % supported.base_cycle != 0 {
         return Err(AlStatusCode::InvalidSync0Cycle);
     }
     // SYNC1 comes a time after SYNC0 that is shorter than its cycle, or a multiple of it

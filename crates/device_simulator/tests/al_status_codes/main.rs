@@ -168,7 +168,7 @@ fn a_wrong_watchdog_or_synchronisation_is_refused_with_its_code() {
         // SYNC1 alone; and 0x1C32 left at free run
         (2, 0x05, [cycle, 0], Some(InvalidSyncConfiguration)),
         (0, 0x03, [cycle, 0], Some(InvalidSyncConfiguration)),
-        (2, 0x03, [100_000, 0], Some(InvalidSync0Cycle)),
+        (2, 0x03, [100_000, 0], Some(InvalidSyncCycle)),
         (2, 0x03, [cycle + 1, 0], Some(InvalidSync0Cycle)),
         (3, 0x07, [cycle, cycle + 1], Some(InvalidSync1Cycle)),
     ] {
