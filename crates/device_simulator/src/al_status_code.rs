@@ -1,4 +1,4 @@
-//! AL status codes: reasons why a device refused or left a state (ETG.1000.6).
+//! AL status codes, register 0x0134: reasons why a device refused or left a state (ETG.1000.6, ETG.1020).
 
 /// A code of register 0x0134, with the sentence that belongs to it.
 macro_rules! codes {
@@ -61,8 +61,9 @@ codes! {
     PllError = 0x0032, "the control loop of the clock has lost the reference";
     SyncInputOutputError = 0x0033, "several synchronisation errors at once";
     SyncTimeout = 0x0034, "too many SYNC0 were missed";
-    InvalidSync0Cycle = 0x0035, "the cycle of SYNC0 is invalid";
-    InvalidSync1Cycle = 0x0036, "the cycle of SYNC1 is invalid";
+    InvalidSyncCycle = 0x0035, "the cycle of the synchronisation is invalid";
+    InvalidSync0Cycle = 0x0036, "the cycle of SYNC0 is invalid";
+    InvalidSync1Cycle = 0x0037, "the cycle of SYNC1 is invalid";
     MailboxAoe = 0x0041, "mailbox error: AoE";
     MailboxEoe = 0x0042, "mailbox error: EoE";
     MailboxCoe = 0x0043, "mailbox error: CoE";

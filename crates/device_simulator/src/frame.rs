@@ -1,7 +1,7 @@
 //! Datagrams of a frame: Ethernet header, EtherCAT header, then datagrams with a header of ten bytes, data and a
 //! working counter.
 //!
-//! Source: IEC 61158-4-12, type 12 PDU structure.
+//! Source: IEC 61158-4-12 (ETG.1000.4), type 12 PDU structure.
 
 /// EtherType of EtherCAT frames.
 pub const ETHERTYPE: u16 = 0x88a4;
@@ -34,7 +34,7 @@ pub enum Command {
     StationReadMultipleWrite,
 }
 
-/// Direction of an access, as the main device sees it.
+/// Direction of an access, from the main device's point of view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// From the device into the frame.
@@ -111,13 +111,13 @@ impl Datagram<'_> {
     }
 
     /// Increments the position by one, as each device does.
-    pub fn count_position(&mut self) {
+    pub fn increment_position(&mut self) {
         let next = self.device().wrapping_add(1).to_le_bytes();
         self.address[..2].copy_from_slice(&next);
     }
 
     /// Increments the working counter, modulo 2^16.
-    pub fn count(&mut self, by: u16) {
+    pub fn increment_working_counter(&mut self, by: u16) {
         *self.working_counter =
             u16::from_le_bytes(*self.working_counter).wrapping_add(by).to_le_bytes();
     }

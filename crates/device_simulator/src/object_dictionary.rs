@@ -1,4 +1,5 @@
-//! Object dictionary of a device: objects by index and subindex, and the process data that are mapped from them.
+//! Object dictionary of a device (ETG.1000.6): objects by index and subindex, and the process data that are mapped
+//! from them.
 
 use std::collections::BTreeMap;
 
@@ -154,7 +155,7 @@ impl ObjectDictionary {
     /// [`Abort`] if an object does not exist or cannot be mapped in that direction, or an entry has another length
     /// than its object.
     pub fn mapped(&self, assignment: u16) -> Result<Vec<MappedEntry>, Abort> {
-        let wanted = if assignment == 0x1c12 { Mapping::Outputs } else { Mapping::Inputs };
+        let direction = if assignment == 0x1c12 { Mapping::Outputs } else { Mapping::Inputs };
         let mut entries = Vec::new();
         for number in 1..=self.unsigned((assignment, 0)) as u8 {
             let list = self.unsigned((assignment, number)) as u16;
@@ -165,7 +166,7 @@ impl ObjectDictionary {
                 let bits = (entry & 0xff) as usize;
                 if key.0 != 0 {
                     let object = self.object(key)?;
-                    if object.mapping != wanted || bits > 8 * object.value.len() {
+                    if object.mapping != direction || bits > 8 * object.value.len() {
                         return Err(Abort::NotMappable);
                     }
                 }
@@ -190,7 +191,7 @@ pub fn mapped_bytes(entries: &[MappedEntry]) -> usize {
     entries.iter().map(|entry| entry.bits).sum::<usize>().div_ceil(8)
 }
 
-/// Copies values from output data into the dictionary.
+/// Copies mapped values from output data into the dictionary; bits beyond the end of `bytes` are zero.
 pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary) {
     let mut first = 0;
     for entry in entries {
@@ -203,7 +204,7 @@ pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary
     }
 }
 
-/// Copies values from the dictionary into input data.
+/// Copies mapped values from the dictionary into input data; those beyond the end of `bytes` are left out.
 pub fn pack(entries: &[MappedEntry], from: &ObjectDictionary, bytes: &mut [u8]) {
     bytes.fill(0);
     let mut first = 0;

@@ -6,12 +6,13 @@ use crate::frame::for_each_datagram;
 /// EtherCAT segment: devices in a line, the first next to the main device.
 #[derive(Debug, Default)]
 pub struct Segment {
+    /// Devices in the order of the line.
     devices: Vec<Device>,
-    /// Time that a frame takes from one device to the next \[ns\]; one for each device, zero where it is not stated.
+    /// Propagation delay to each device from the one before \[ns\].
     delays: Vec<u64>,
-    /// Devices that are connected; behind a broken cable none are.
+    /// Number of connected devices; those behind a broken cable are not.
     connected: usize,
-    /// Frames that are to be lost.
+    /// Number of frames that are still to be lost.
     lost: u32,
 }
 
@@ -58,6 +59,7 @@ impl Segment {
         self.lost = count;
     }
 
+    /// Writes the links of the ports of all devices.
     fn set_links(&mut self) {
         let last = self.connected.saturating_sub(1);
         for (number, device) in self.devices.iter_mut().enumerate() {
@@ -83,30 +85,30 @@ impl Segment {
             })
             .take(self.connected)
             .collect();
-        let Some(turn) = arrivals.last().copied() else { return false };
-        let (mut is_whole, mut is_damaged) = (false, false);
+        let Some(turnaround) = arrivals.last().copied() else { return false };
+        let (mut is_complete, mut is_damaged) = (false, false);
         for (number, (device, arrival)) in connected.iter_mut().zip(&arrivals).enumerate() {
             device.advance(*arrival);
             let is_last = number + 1 == arrivals.len();
             // the frame comes back from the last device as late as it went there
-            let back = (!is_last).then(|| 2 * turn - arrival);
-            device.controller.ports = [Some(*arrival), back, None, None];
+            let return_time = (!is_last).then(|| 2 * turnaround - arrival);
+            device.controller.ports = [Some(*arrival), return_time, None, None];
             // a damaged frame goes on, and nobody takes anything from it
             if is_damaged {
                 device.controller.count_forwarded_frame(0);
                 continue;
             }
-            is_damaged = !device.receives(0);
+            is_damaged = !device.receives_undamaged(0);
             if is_damaged {
                 continue;
             }
-            let hears = device.hears();
-            is_whole = for_each_datagram(frame, |datagram| {
-                if hears {
-                    device.pass(datagram, *arrival);
+            let is_accepted = device.accepts_frame();
+            is_complete = for_each_datagram(frame, |datagram| {
+                if is_accepted {
+                    device.process_datagram(datagram, *arrival);
                 }
             });
-            if !is_whole {
+            if !is_complete {
                 return false;
             }
         }
@@ -115,7 +117,7 @@ impl Segment {
             if is_damaged {
                 device.controller.count_forwarded_frame(1);
             } else {
-                is_damaged = !device.receives(1);
+                is_damaged = !device.receives_undamaged(1);
             }
         }
         // those behind a broken cable live on
@@ -124,6 +126,6 @@ impl Segment {
             self.lost -= 1;
             return false;
         }
-        is_whole && !is_damaged
+        is_complete && !is_damaged
     }
 }

@@ -15,16 +15,14 @@
 
 use crate::check::DeviceFacts;
 use crate::cycle_record::{CycleRecord, Exchange, NO_STATE, number};
-use crate::drive::{Drive, Wanted};
+use crate::drive::{Drive, RequestedState};
 use crate::fault::{Fault, LossWindow};
 use crate::frame_ring::FrameRing;
 use crate::input_decoding::decode;
 use crate::link::Link;
 use crate::machine::{BusSide, FieldbusMachine, Taken, hand_over};
 use crate::pace::Pace;
-use crate::start_up::{
-    Devices, InitialState, OP, SAFE_OP, StartError, UNTIL_OP, al_text, request, to_init,
-};
+use crate::start_up::{Devices, InitialState, OP, SAFE_OP, StartError, UNTIL_OP, request, to_init};
 use crate::statistics::{Counters, Times};
 use crate::table::Table;
 use crate::time::now;
@@ -283,10 +281,10 @@ impl<L: Link> Bus<L> {
             self.exchange(due, true);
         }
         let CycleStatus { is_lost, is_low, .. } = self.cycle;
-        if self.lost.take(is_lost) {
+        if self.lost.record(is_lost) {
             self.stop(Fault::FramesLost);
         }
-        if self.low.take(is_low) {
+        if self.low.record(is_low) {
             self.stop(Fault::WorkingCounter);
         }
         self.side.show(self.drives.iter().all(Drive::is_enabled), self.fault());
@@ -350,16 +348,16 @@ impl<L: Link> Bus<L> {
         let sent = now();
         if self.side.is_withheld() {
             // a test of the devices' watchdogs: no frame is sent, as with a broken cable
-            self.pace.see(sent, None);
+            self.pace.update(sent, None);
             self.cycle.is_lost = true;
             return false;
         }
         self.counters.exchanges += 1;
         let is_late = sent.saturating_sub(due) > self.table.bus.period / 2;
         self.counters.late_begins += u64::from(is_late);
-        let end = self.pace.answer_end(sent, &self.table.bus, MARGIN);
+        let end = self.pace.answer_deadline(sent, &self.table.bus, MARGIN);
         let answer = self.wire.run_until(self.group.tx_rx_dc(main), end).and_then(Result::ok);
-        self.pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+        self.pace.update(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
         let Some(answer) = answer else {
             self.counters.lost += 1;
             self.cycle.is_lost = true;
@@ -437,7 +435,7 @@ impl<L: Link> Bus<L> {
 
     /// A device did not answer: a fault where this loss exceeds the limit of the window.
     fn device_silent(&mut self, device: u16) {
-        if self.low.is_used_up() {
+        if self.low.is_at_limit() {
             self.stop(Fault::DeviceSilent { device });
         }
     }
@@ -571,12 +569,12 @@ impl<L: Link> Bus<L> {
     fn encode(&mut self) {
         let braking =
             self.fault.map(|(_, since)| now().saturating_sub(since) < self.table.bus.brake);
-        let (command, wanted) = match (self.command, braking) {
+        let (command, requested) = match (self.command, braking) {
             (Some((outgoing, _)), None) if outgoing.is_enabled => {
-                (outgoing.command, Wanted::Operation)
+                (outgoing.command, RequestedState::Operation)
             }
-            (_, Some(true)) => (Command::default(), Wanted::Braking),
-            (_, None | Some(false)) => (Command::default(), Wanted::Off),
+            (_, Some(true)) => (Command::default(), RequestedState::Braking),
+            (_, None | Some(false)) => (Command::default(), RequestedState::Off),
         };
         for row in &self.table.commanded {
             let Some(axis) = command.axes.get(row.axis) else { continue };
@@ -588,7 +586,7 @@ impl<L: Link> Bus<L> {
                 .find(|drive| row.signal == 0 && drive.row.target == row.place);
             let Some(outputs) = self.outputs.get_mut(row.place.device) else { continue };
             match drive {
-                Some(drive) => drive.command(outputs, wanted, counts),
+                Some(drive) => drive.command(outputs, requested, counts),
                 None => row.place.write(outputs, counts as u64),
             }
         }
@@ -610,11 +608,7 @@ impl<L: Link> Bus<L> {
 
     /// The fault in a sentence, with what to do.
     pub fn fault_sentence(&self) -> Option<String> {
-        let fault = self.fault()?;
-        Some(match fault {
-            Fault::StateDropped { code, .. } => fault.sentence(&self.table, &al_text(code)),
-            _ => fault.sentence(&self.table, ""),
-        })
+        Some(self.fault()?.sentence(&self.table))
     }
 }
 

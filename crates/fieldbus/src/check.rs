@@ -1,17 +1,18 @@
-//! Check of the table against the data that the devices report. Each mismatch is one sentence that says what to do.
+//! Check of the table against the data that the devices report, before clocks and process data are set up. Each
+//! mismatch is one sentence that says what to do.
 
 use crate::cia402::HAS_CYCLIC_VELOCITY;
 use crate::table::{DeviceRow, Pdo, Sync, Table};
 use std::fmt::{self, Display, Formatter};
 
-/// Data that a device reports, from its EEPROM, objects and registers.
+/// Data that a device reports: EEPROM (SII, ETG.2010), CoE objects (ETG.1000.6, CiA 402) and registers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DeviceFacts {
     /// Name in its EEPROM.
     pub name: String,
-    /// Vendor, product, revision.
+    /// Vendor ID, product code, revision number: words 8, 10 and 12 of its EEPROM, as 0x1018:01 to 03.
     pub identity: [u32; 3],
-    /// Serial number in its EEPROM; 0 where it states none.
+    /// Serial number in its EEPROM (word 14); 0 where it states none.
     pub serial: u32,
     /// Version of its software (0x100A); none where it has no such object.
     pub software: Option<String>,
@@ -19,15 +20,16 @@ pub struct DeviceFacts {
     pub outputs: Vec<Pdo>,
     /// Inputs, by 0x1C13 and mapping objects, or by its EEPROM.
     pub inputs: Vec<Pdo>,
-    /// Whether it has a distributed clock.
+    /// Whether it has a distributed clock (register 0x0008, bit 2).
     pub has_clock: bool,
-    /// AssignActivate words of its clock modes, from its EEPROM.
+    /// AssignActivate words of its clock modes, from category 60 of its EEPROM; empty where it states none.
     pub activations: Vec<u16>,
-    /// Supported modes of operation (0x6502).
+    /// Supported drive modes (0x6502), bit 0 for mode 1; none where it has no such object.
     pub modes: Option<u32>,
     /// Drives: reactions to a quick stop (0x605A), to a fault (0x605E) and to a lost connection (0x6007), for reports.
     pub reactions: [Option<i16>; 3],
-    /// One unit of 0x60FF and 0x606C \[rev/s\], from 0x60A9, or from 0x608F, 0x6091 and 0x6096.
+    /// One unit of 0x60FF and 0x606C \[rev/s\], from 0x60A9, or from 0x608F, 0x6091 and 0x6096; none where the drive
+    /// states no unit of velocity.
     pub velocity_unit: Option<f64>,
 }
 
@@ -71,12 +73,15 @@ impl Display for Mismatch {
     }
 }
 
-/// Relative tolerance of velocity units.
-const SAME_UNIT: f64 = 1e-6;
+/// Relative tolerance of velocity units, for decimal factors of a table.
+const UNIT_TOLERANCE: f64 = 1e-6;
 /// Target velocity and velocity actual value.
 const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
 
-/// All mismatches.
+/// All mismatches between the table and the devices in the order of the line; empty where they fit.
+///
+/// Later checks need the earlier ones: after a wrong number or identity nothing else is compared, and drives are
+/// compared only where process data and clocks fit.
 pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
     let mut found = Vec::new();
     if facts.len() != table.devices.len() {
@@ -105,17 +110,18 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<Mismatch> {
     if found.is_empty() {
         for drive in &table.drives {
             let (row, device) = (&table.devices[drive.device], &facts[drive.device]);
-            found.extend(mode(drive.device, row, device));
-            found.extend(velocities(table, drive.device, device));
+            found.extend(mode_of_operation(drive.device, row, device));
+            found.extend(velocity_units(table, drive.device, device));
         }
     }
     found
 }
 
+/// Vendor and product have to be those of the row, and the revision within its range.
 fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let [vendor, product, revision] = device.identity;
     let [low, high] = row.revision;
-    let of = format!(
+    let described = format!(
         "position {position} is {} (vendor 0x{vendor:08X}, product 0x{product:08X}, revision \
         0x{revision:08X})",
         device.name
@@ -124,7 +130,7 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mi
         return Some(Mismatch {
             subject: Subject::Devices,
             cause: format!(
-                "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there",
+                "{described}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there",
                 row.name, row.vendor, row.product
             ),
             advice: "check the order of the devices, or correct the table".into(),
@@ -132,11 +138,12 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mi
     }
     (!(low..=high).contains(&revision)).then(|| Mismatch {
         subject: Subject::Devices,
-        cause: format!("{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}"),
+        cause: format!("{described}, the table allows revisions 0x{low:08X} to 0x{high:08X}"),
         advice: "read in its release notes what changed, then widen the range".into(),
     })
 }
 
+/// PDOs by 0x1C12 and 0x1C13, or by the EEPROM, have to be those of the row.
 fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<Mismatch> {
     let sides = [
         ("outputs", "0x1C12", &row.outputs, &device.outputs),
@@ -144,14 +151,14 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<M
     ];
     sides
         .into_iter()
-        .filter(|(_, _, table, device)| !same(table, device))
+        .filter(|(_, _, table, device)| !is_same_mapping(table, device))
         .map(|(side, object, table, device)| Mismatch {
             subject: Subject::ProcessData,
             cause: format!(
                 "{side} of {} (position {position}) are {} ({object} or EEPROM), the table has {}",
                 row.name,
-                text(device),
-                text(table)
+                mapping_text(device),
+                mapping_text(table)
             ),
             advice: match row.is_mapping_written {
                 true => "it did not accept the mapping that was written: correct the table by its manual",
@@ -165,14 +172,15 @@ fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<M
 }
 
 /// Whether both have the same entries in the same order. PDOs without entries are ignored.
-fn same(one: &[Pdo], other: &[Pdo]) -> bool {
+fn is_same_mapping(one: &[Pdo], other: &[Pdo]) -> bool {
     let used = |lists: &[Pdo]| -> Vec<Pdo> {
         lists.iter().filter(|list| !list.entries.is_empty()).cloned().collect()
     };
     used(one) == used(other)
 }
 
-fn text(lists: &[Pdo]) -> String {
+/// PDOs and their entries, for messages.
+fn mapping_text(lists: &[Pdo]) -> String {
     let list = |pdo: &Pdo| {
         let entries: Vec<String> = pdo.entries.iter().map(ToString::to_string).collect();
         format!("0x{:04X} [{}]", pdo.list, entries.join(", "))
@@ -184,10 +192,12 @@ fn text(lists: &[Pdo]) -> String {
     }
 }
 
+/// SYNC signals of the row need a distributed clock, and an AssignActivate word of the EEPROM (category 60) that
+/// activates the same ones.
 fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let subject = Subject::Synchronisation;
-    let wanted = row.sync.activation();
-    if wanted == 0 {
+    let expected = row.sync.activation();
+    if expected == 0 {
         return None;
     }
     if !device.has_clock {
@@ -200,18 +210,18 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
             advice: "set sync = \"none\"".into(),
         });
     }
-    let has = device.activations.iter().any(|mode| mode & 0x0700 == wanted);
+    let is_supported = device.activations.iter().any(|mode| mode & 0x0700 == expected);
     let modes: Vec<String> =
         device.activations.iter().map(|mode| format!("0x{mode:04X}")).collect();
     let name = match row.sync {
         Sync::Sync01(_) => "SYNC0 and SYNC1",
         _ => "SYNC0",
     };
-    (!has && !device.activations.is_empty()).then(|| Mismatch {
+    (!is_supported && !device.activations.is_empty()).then(|| Mismatch {
         subject,
         cause: format!(
             "{} (position {position}) has the activations {} in its EEPROM, the table asks for \
-            0x{wanted:04X} ({name})",
+            0x{expected:04X} ({name})",
             row.name,
             modes.join(", ")
         ),
@@ -219,7 +229,8 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
     })
 }
 
-fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
+/// A drive has to support cyclic synchronous velocity (0x6502, bit 8).
+fn mode_of_operation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismatch> {
     let modes = device.modes?;
     (modes & HAS_CYCLIC_VELOCITY == 0).then(|| Mismatch {
         subject: Subject::Drive,
@@ -233,7 +244,7 @@ fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<Mismat
 }
 
 /// Compares the velocity unit that a drive states with the table's factors.
-fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Mismatch> {
+fn velocity_units(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Mismatch> {
     let Some(unit) = device.velocity_unit else { return Vec::new() };
     let row = &table.devices[position];
     let place = |lists: &[Pdo], index: u16| {
@@ -254,7 +265,7 @@ fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Misma
             let lists = if *index == VELOCITIES[0] { &row.outputs } else { &row.inputs };
             at.device == position && Some(at.bit) == place(lists, *index)
         })
-        .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > SAME_UNIT)
+        .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > UNIT_TOLERANCE)
         .map(|(_, scale, index)| Mismatch {
             subject: Subject::Drive,
             cause: format!(

@@ -1,12 +1,12 @@
-//! Drives by CiA 402 (IEC 61800-7-201) in cyclic synchronous velocity: states, controlwords, bits of the statusword,
-//! error codes.
+//! Drives by CiA 402 (IEC 61800-7-201) in cyclic synchronous velocity: states of the power drive system, controlword
+//! 0x6040, statusword 0x6041, error codes 0x603F.
 
-/// Mode of operation: cyclic synchronous velocity.
+/// Mode of operation, objects 0x6060 and 0x6061: cyclic synchronous velocity (csv).
 pub const CYCLIC_VELOCITY: i8 = 9;
-/// Bit of 0x6502 (supported drive modes) for cyclic synchronous velocity.
+/// Bit 8 of 0x6502 (supported drive modes): cyclic synchronous velocity.
 pub const HAS_CYCLIC_VELOCITY: u32 = 1 << 8;
 
-/// State of a drive, as its statusword shows it.
+/// State of the power drive system (finite state automaton of CiA 402), as the statusword 0x6041 codes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveState {
     /// Not ready to switch on: the drive initialises.
@@ -28,7 +28,7 @@ pub enum DriveState {
 }
 
 impl DriveState {
-    /// Decodes bits 0 to 3, 5 and 6 of a statusword.
+    /// Decodes bits 0 to 3, 5 and 6 of a statusword. A pattern that CiA 402 does not define counts as not ready.
     pub fn of(statusword: u16) -> Self {
         match (statusword & 0x4f, statusword & 0x6f) {
             (0x00, _) => Self::NotReady,
@@ -43,33 +43,34 @@ impl DriveState {
         }
     }
 
-    /// The controlword of the next transition towards operation enabled, or away from it. It never resets a fault:
-    /// [`FAULT_RESET`] is sent on a person's request only.
-    pub fn controlword(self, is_operation_wanted: bool) -> u16 {
+    /// Controlword 0x6040 of the next transition towards operation enabled, or away from it: shutdown 0x0006, switch
+    /// on 0x0007, enable operation 0x000F, disable voltage 0x0000. It never resets a fault: [`FAULT_RESET`] is sent on
+    /// a person's request only.
+    pub fn controlword(self, is_operation_requested: bool) -> u16 {
         match self {
             Self::NotReady | Self::Fault | Self::FaultReactionActive => 0x0000,
             // disable voltage: a quick stop is not cancelled
             Self::QuickStopActive => 0x0000,
             Self::SwitchOnDisabled => 0x0006,
-            Self::ReadyToSwitchOn if is_operation_wanted => 0x0007,
-            Self::SwitchedOn | Self::OperationEnabled if is_operation_wanted => 0x000f,
+            Self::ReadyToSwitchOn if is_operation_requested => 0x0007,
+            Self::SwitchedOn | Self::OperationEnabled if is_operation_requested => 0x000f,
             _ => 0x0006,
         }
     }
 }
 
-/// Controlword whose rising bit 7 resets a fault.
+/// Controlword whose rising bit 7 resets a fault: fault to switch on disabled.
 pub const FAULT_RESET: u16 = 0x0080;
 
-/// Bits of the statusword that are monitored beside the state.
+/// Bits of the statusword 0x6041 that are monitored beside the state.
 pub mod status_bit {
-    /// A warning.
+    /// Bit 7, warning.
     pub const WARNING: u16 = 1 << 7;
-    /// Remote: the drive follows its controlword.
+    /// Bit 9, remote: the controlword is executed.
     pub const REMOTE: u16 = 1 << 9;
-    /// A limit inside the drive is active.
+    /// Bit 11, internal limit active.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
-    /// The drive follows its target.
+    /// Bit 12, in cyclic modes: the drive follows its target.
     pub const FOLLOWS_TARGET: u16 = 1 << 12;
 }
 
@@ -128,10 +129,10 @@ mod tests {
     #[test]
     fn no_controlword_resets_a_fault_or_enables_without_request() {
         let states = (0..=u16::MAX).map(DriveState::of);
-        for (state, wanted) in states.flat_map(|state| [(state, false), (state, true)]) {
-            let word = state.controlword(wanted);
+        for (state, requested) in states.flat_map(|state| [(state, false), (state, true)]) {
+            let word = state.controlword(requested);
             assert_eq!(word & FAULT_RESET, 0);
-            assert!(wanted || word & 0x000f != 0x000f);
+            assert!(requested || word & 0x000f != 0x000f);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Record of a cycle of the bus, for the log.
+//! Record of a cycle of the bus, for the log: times, working counters, AL states, process image, fault.
 
 use crate::fault::Fault;
 use crate::start_up::MOST_DEVICES;
@@ -15,21 +15,22 @@ pub const LARGEST_IMAGE: usize = 256;
 pub struct CycleRecord {
     /// Number of the newest measurement.
     pub measurement: u64,
-    /// SYNC0 of the cycle, by this computer's clock and by the devices' \[ns\].
+    /// SYNC0 of the cycle \[ns\]: by this computer's clock, and by the devices' system time (0x0910).
     pub sync0: [u64; 2],
     /// Exchanges: one or two.
     pub exchanges: [Exchange; 2],
     /// AL state of each device, as received last: 1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, 0 where it did not answer.
     pub states: [u8; MOST_DEVICES],
-    /// Statusword and error code (0x603F, 0 where the drive does not show it) of each drive.
+    /// Statusword (0x6041) and error code (0x603F, 0 where it is not mapped) of each drive, as received last.
     pub drives: [[u16; 2]; AXES],
     /// Process data as sent last and as received last.
     pub image: ProcessImage,
-    /// The fault that stopped the machine.
+    /// The fault that stopped the machine; none without one.
     pub fault: Option<Fault>,
 }
 
-/// Process data of all devices in the order of the line, each with its outputs before its inputs.
+/// Process data of all devices in the order of the line, each with its outputs before its inputs \[byte\]; those
+/// beyond [`LARGEST_IMAGE`] are left out.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct ProcessImage([u8; LARGEST_IMAGE]);
 
@@ -67,7 +68,7 @@ impl ProcessImage {
     }
 }
 
-/// One exchange.
+/// One exchange of process data: a frame and its answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Exchange {
     /// Time from SYNC0 to the passage of its frame at the reference clock \[ns\]; none where it was lost.
@@ -79,7 +80,7 @@ pub struct Exchange {
 /// Number of a device that filled in no state.
 pub(crate) const NO_STATE: u8 = 0;
 
-/// AL state as a number.
+/// AL state by its number in AL status, register 0x0130 (ETG.1000.6); 0 where the device did not answer.
 pub(crate) fn number(state: SubDeviceState) -> u8 {
     match state {
         SubDeviceState::None => NO_STATE,

@@ -32,10 +32,10 @@ pub(crate) fn configure<L: Link, S: Deref<Target = SubDevice>>(
     device: &SubDeviceRef<'_, S>,
     row: &DeviceRow,
     is_drive: bool,
-) -> Result<DeviceFacts, (String, Trouble)> {
+) -> Result<DeviceFacts, (String, AccessError)> {
     let part = |name: &str| {
         let name = name.to_string();
-        move |cause: Trouble| (name, cause)
+        move |cause: AccessError| (name, cause)
     };
     let mut known = identity(device);
     for value in &row.start_up {
@@ -43,7 +43,7 @@ pub(crate) fn configure<L: Link, S: Deref<Target = SubDevice>>(
             format!("start-up SDO 0x{:04X}:{:02X} ({})", value.index, value.sub, value.reason);
         write(wire, device, value).map_err(part(&what))?;
     }
-    let sii = sii::read(wire, device).map_err(Trouble::Bus).map_err(part("the EEPROM"))?;
+    let sii = sii::read(wire, device).map_err(AccessError::Bus).map_err(part("the EEPROM"))?;
     known.activations = sii.activations;
     let has_mailbox = has_mailbox(row, wire, device);
     if has_mailbox {
@@ -72,7 +72,7 @@ pub(crate) fn configure<L: Link, S: Deref<Target = SubDevice>>(
 
 /// Failure of an SDO or of a register access.
 #[derive(Clone, Debug)]
-pub(crate) enum Trouble {
+pub(crate) enum AccessError {
     Bus(Error),
     /// ethercrab panicked: an emergency came in place of an answer.
     Panic,
@@ -80,7 +80,7 @@ pub(crate) enum Trouble {
     NotKept(&'static str),
 }
 
-impl Display for Trouble {
+impl Display for AccessError {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Bus(error) => error.fmt(f),
@@ -99,10 +99,10 @@ impl Display for Trouble {
 fn sdo<L: Link, T>(
     wire: &mut Wire<L>,
     future: impl Future<Output = Result<T, Error>>,
-) -> Result<T, Trouble> {
+) -> Result<T, AccessError> {
     match catch_unwind(AssertUnwindSafe(|| wire.run(future))) {
-        Ok(answer) => answer.map_err(Trouble::Bus),
-        Err(_) => Err(Trouble::Panic),
+        Ok(answer) => answer.map_err(AccessError::Bus),
+        Err(_) => Err(AccessError::Panic),
     }
 }
 
@@ -112,7 +112,7 @@ fn read<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
     device: &SubDeviceRef<'_, S>,
     index: u16,
     sub: u8,
-) -> Result<T, Trouble> {
+) -> Result<T, AccessError> {
     sdo(wire, device.sdo_read(index, sub))
 }
 
@@ -122,14 +122,14 @@ pub(crate) fn optional<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireRe
     device: &SubDeviceRef<'_, S>,
     index: u16,
     sub: u8,
-) -> Result<Option<T>, Trouble> {
+) -> Result<Option<T>, AccessError> {
     match read(wire, device, index, sub) {
         Ok(value) => Ok(Some(value)),
-        Err(Trouble::Bus(Error::Mailbox(MailboxError::Aborted {
+        Err(AccessError::Bus(Error::Mailbox(MailboxError::Aborted {
             code: CoeAbortCode::NotFound | CoeAbortCode::SubIndexNotFound,
             ..
         }))) => Ok(None),
-        Err(trouble) => Err(trouble),
+        Err(error) => Err(error),
     }
 }
 
@@ -140,7 +140,7 @@ fn put<L: Link, S: Deref<Target = SubDevice>>(
     index: u16,
     sub: u8,
     value: impl EtherCrabWireWrite,
-) -> Result<(), Trouble> {
+) -> Result<(), AccessError> {
     sdo(wire, device.sdo_write(index, sub, value))
 }
 
@@ -149,7 +149,7 @@ fn write<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
     what: &StartUp,
-) -> Result<(), Trouble> {
+) -> Result<(), AccessError> {
     let (index, sub, value) = (what.index, what.sub, what.value);
     match what.kind {
         NumberType::Bool | NumberType::U8 | NumberType::I8 => {
@@ -164,7 +164,7 @@ fn write<L: Link, S: Deref<Target = SubDevice>>(
 fn software<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
-) -> Result<Option<String>, Trouble> {
+) -> Result<Option<String>, AccessError> {
     let read: Option<heapless::Vec<u8, SOFTWARE>> = optional(wire, device, 0x100a, 0)?;
     Ok(read.map(|bytes| {
         let text = String::from_utf8_lossy(&bytes);
@@ -179,16 +179,16 @@ fn has_mailbox<L: Link, S: Deref<Target = SubDevice>>(
     device: &SubDeviceRef<'_, S>,
 ) -> bool {
     let has_data = row.output_bytes() + row.input_bytes() > 0;
-    let is_absent = |trouble: &Trouble| {
+    let is_absent = |error: &AccessError| {
         matches!(
-            trouble,
-            Trouble::Bus(Error::Mailbox(
+            error,
+            AccessError::Bus(Error::Mailbox(
                 MailboxError::NoReadMailbox | MailboxError::NoWriteMailbox
             ))
         )
     };
     has_data
-        && !matches!(&read::<_, _, u8>(wire, device, 0x1c12, 0), Err(trouble) if is_absent(trouble))
+        && !matches!(&read::<_, _, u8>(wire, device, 0x1c12, 0), Err(error) if is_absent(error))
 }
 
 /// PDOs that 0x1C12 or 0x1C13 assigns, with their mappings. Where they differ and `mapping` is `written`, the table's
@@ -199,7 +199,7 @@ fn assignment<L: Link, S: Deref<Target = SubDevice>>(
     object: u16,
     wanted: &[Pdo],
     row: &DeviceRow,
-) -> Result<Vec<Pdo>, Trouble> {
+) -> Result<Vec<Pdo>, AccessError> {
     let is = read_assignment(wire, device, object)?;
     if !row.is_mapping_written || is == wanted {
         return Ok(is);
@@ -226,7 +226,7 @@ fn read_assignment<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
     object: u16,
-) -> Result<Vec<Pdo>, Trouble> {
+) -> Result<Vec<Pdo>, AccessError> {
     let mut lists = Vec::new();
     for number in 1..=optional::<_, _, u8>(wire, device, object, 0)?.unwrap_or(0) {
         let list: u16 = read(wire, device, object, number)?;
@@ -253,7 +253,7 @@ const MINUTE: u8 = 0x47;
 fn velocity_unit<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
-) -> Result<Option<f64>, Trouble> {
+) -> Result<Option<f64>, AccessError> {
     if let Some(unit) = optional::<_, _, u32>(wire, device, 0x60a9, 0)? {
         let [_, per, of, prefix] = unit.to_le_bytes();
         let time = match per {
@@ -264,7 +264,7 @@ fn velocity_unit<L: Link, S: Deref<Target = SubDevice>>(
         let size = 10_f64.powi(i32::from(prefix as i8)) / time;
         return Ok((of == REVOLUTION).then_some(size));
     }
-    let mut ratio = |index: u16| -> Result<Option<f64>, Trouble> {
+    let mut ratio = |index: u16| -> Result<Option<f64>, AccessError> {
         let (Some(over), Some(under)) = (
             optional::<_, _, u32>(wire, device, index, 1)?,
             optional::<_, _, u32>(wire, device, index, 2)?,
@@ -283,7 +283,7 @@ fn watchdog<L: Link, S>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
     time: u64,
-) -> Result<(), Trouble> {
+) -> Result<(), AccessError> {
     let units = (time / WATCHDOG_UNIT) as u16;
     let registers = [
         (RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER, "register 0x0400"),
@@ -291,10 +291,10 @@ fn watchdog<L: Link, S>(
     ];
     for (register, value, name) in registers {
         let address: u16 = register.into();
-        wire.run(device.register_write(address, value)).map_err(Trouble::Bus)?;
-        let kept: u16 = wire.run(device.register_read(address)).map_err(Trouble::Bus)?;
+        wire.run(device.register_write(address, value)).map_err(AccessError::Bus)?;
+        let kept: u16 = wire.run(device.register_read(address)).map_err(AccessError::Bus)?;
         if kept != value {
-            return Err(Trouble::NotKept(name));
+            return Err(AccessError::NotKept(name));
         }
     }
     Ok(())

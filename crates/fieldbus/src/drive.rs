@@ -12,7 +12,7 @@ const RESET_CYCLES: u32 = 10;
 
 /// State that is requested of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wanted {
+pub(crate) enum RequestedState {
     /// Operation enabled.
     Operation,
     /// Braking: an enabled drive stays enabled and brakes with torque, another one is not enabled.
@@ -84,11 +84,11 @@ impl Drive {
     }
 
     /// Writes controlword, target and mode into its outputs; the target is zero until operation is enabled.
-    pub(crate) fn command(&mut self, outputs: &mut [u8], wanted: Wanted, target: i64) {
-        let may_operate = match wanted {
-            Wanted::Operation => !self.has_open_stop_circuit,
-            Wanted::Braking => self.is_enabled(),
-            Wanted::Off => false,
+    pub(crate) fn command(&mut self, outputs: &mut [u8], requested: RequestedState, target: i64) {
+        let may_operate = match requested {
+            RequestedState::Operation => !self.has_open_stop_circuit,
+            RequestedState::Braking => self.is_enabled(),
+            RequestedState::Off => false,
         };
         // switching off on command is no fault
         self.was_enabled &= may_operate;
@@ -175,7 +175,7 @@ mod tests {
         {
             let mut drive = drive();
             drive.evaluate(&inputs(word, 9));
-            drive.command(&mut outputs, Wanted::Operation, -5);
+            drive.command(&mut outputs, RequestedState::Operation, -5);
             let target = PLACE(16, 32).read(&outputs) as u32 as i32;
             assert_eq!(target, if is_enabled { -5 } else { 0 }, "{word:#06x}");
             assert_eq!(outputs[6], 9);
@@ -187,15 +187,15 @@ mod tests {
         let mut outputs = [0; 7];
         let mut drive = drive();
         drive.evaluate(&inputs(0x1237, 9));
-        drive.command(&mut outputs, Wanted::Braking, 0);
+        drive.command(&mut outputs, RequestedState::Braking, 0);
         assert_eq!(outputs[0], 0x0f, "it keeps its power");
-        drive.command(&mut outputs, Wanted::Off, 0);
+        drive.command(&mut outputs, RequestedState::Off, 0);
         assert_eq!(drive.evaluate(&inputs(0x0231, 9)), None);
-        drive.command(&mut outputs, Wanted::Braking, 0);
+        drive.command(&mut outputs, RequestedState::Braking, 0);
         assert_eq!(outputs[0], 0x06, "it is not enabled anew");
         // switching off by itself is a fault
         drive.evaluate(&inputs(0x1237, 9));
-        drive.command(&mut outputs, Wanted::Operation, 0);
+        drive.command(&mut outputs, RequestedState::Operation, 0);
         assert_eq!(drive.evaluate(&inputs(0x0250, 9)), Some(Fault::DriveDisabled { device: 3 }));
     }
 }

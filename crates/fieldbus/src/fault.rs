@@ -1,9 +1,10 @@
 //! Faults of the bus and of its devices, and the limit up to which single lost frames are tolerated.
 
+use crate::al_status_code::{Explanation, explanation};
 use crate::cia402::error_text;
 use crate::table::Table;
 
-/// Fault that stops the machine. None resets itself.
+/// Fault that stops the machine: drives brake with torque, then are switched off. None resets itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// Too many frames were lost, or came too late.
@@ -15,7 +16,7 @@ pub enum Fault {
         /// Its number.
         device: u16,
     },
-    /// A device left OP.
+    /// A device left OP, or SAFEOP before OP was requested, or did not reach OP.
     StateDropped {
         /// Its number.
         device: u16,
@@ -64,13 +65,13 @@ impl Fault {
         }
     }
 
-    /// Number in logs: what kind of fault it is.
+    /// Number in logs and for the supervisor, 1 to 9 by the kind of fault.
     pub fn code(self) -> u16 {
         (Self::to_word(Some(self)) >> 32) as u16
     }
 
-    /// What happened, and what to do; with a device's reason for leaving OP.
-    pub(crate) fn sentence(self, table: &Table, reason: &str) -> String {
+    /// Sentence of what happened and what to do.
+    pub(crate) fn sentence(self, table: &Table) -> String {
         let name = |device: u16| match table.devices.get(usize::from(device)) {
             Some(row) => format!("{} (position {device})", row.name),
             None => format!("device {device}"),
@@ -87,7 +88,9 @@ impl Fault {
                 start the bus again", name(device))
             }
             Self::StateDropped { device, code } => {
-                format!("{} left OP: {reason} (AL status code 0x{code:04X}); start the bus again", name(device))
+                let Explanation { cause, advice, .. } = explanation(code);
+                format!("{} left its state, or did not reach OP: {cause} (AL status code 0x{code:04X}); {advice}, then \
+                start the bus again", name(device))
             }
             Self::Drive { device, code } => {
                 let why = match (code, error_text(code)) {
@@ -114,7 +117,7 @@ impl Fault {
         }
     }
 
-    /// As one word, for hand-over between tasks; 0 is none.
+    /// As one word, for hand-over between tasks: code in bits 0 to 15, device in 16 to 31, kind above; 0 is none.
     pub(crate) fn to_word(fault: Option<Self>) -> u64 {
         let word = |kind: u64, device: u16, code: u16| {
             kind << 32 | u64::from(device) << 16 | u64::from(code)
@@ -154,33 +157,39 @@ impl Fault {
 /// Cycles with a loss in a sliding window: more of them than a limit are a fault.
 #[derive(Clone, Debug)]
 pub(crate) struct LossWindow {
-    most: u32,
-    was_lost: Vec<bool>,
-    at: usize,
+    /// Largest number of cycles with a loss.
+    limit: u32,
+    /// Whether each cycle of the window had a loss; a ring.
+    losses: Vec<bool>,
+    /// Index of the newest cycle.
+    newest: usize,
+    /// Cycles with a loss in the window.
     count: u32,
 }
 
 impl LossWindow {
-    pub(crate) fn new(most: u32, cycles: u32) -> Self {
-        Self { most, was_lost: vec![false; cycles.max(1) as usize], at: 0, count: 0 }
+    /// A window of `cycles` cycles, at least one, without losses.
+    pub(crate) fn new(limit: u32, cycles: u32) -> Self {
+        Self { limit, losses: vec![false; cycles.max(1) as usize], newest: 0, count: 0 }
     }
 
     /// Adds a cycle; returns whether the losses now exceed the limit.
-    pub(crate) fn take(&mut self, is_lost: bool) -> bool {
-        self.at = (self.at + 1) % self.was_lost.len();
-        let before = std::mem::replace(&mut self.was_lost[self.at], is_lost);
+    pub(crate) fn record(&mut self, is_lost: bool) -> bool {
+        self.newest = (self.newest + 1) % self.losses.len();
+        let before = std::mem::replace(&mut self.losses[self.newest], is_lost);
         self.count = self.count + u32::from(is_lost) - u32::from(before);
-        self.count > self.most
+        self.count > self.limit
     }
 
     /// Whether a loss in the next cycle would exceed the limit; the oldest cycle will have left the window by then.
-    pub(crate) fn is_used_up(&self) -> bool {
-        let leaving = self.was_lost[(self.at + 1) % self.was_lost.len()];
-        self.count - u32::from(leaving) >= self.most
+    pub(crate) fn is_at_limit(&self) -> bool {
+        let oldest = self.losses[(self.newest + 1) % self.losses.len()];
+        self.count - u32::from(oldest) >= self.limit
     }
 
+    /// Forgets all losses.
     pub(crate) fn clear(&mut self) {
-        self.was_lost.fill(false);
+        self.losses.fill(false);
         self.count = 0;
     }
 }
@@ -192,16 +201,17 @@ mod tests {
     #[test]
     fn lost_frames_count_until_the_window_has_passed() {
         let mut window = LossWindow::new(2, 10);
-        let mut at = |lost: &[usize], end: usize| (0..end).any(|k| window.take(lost.contains(&k)));
+        let mut at =
+            |lost: &[usize], end: usize| (0..end).any(|k| window.record(lost.contains(&k)));
         assert!(at(&[0, 4, 9], 10), "three in ten");
         let mut window = LossWindow::new(2, 10);
-        assert!(!(0..100).any(|k| window.take(k % 5 == 0)), "two in any ten");
+        assert!(!(0..100).any(|k| window.record(k % 5 == 0)), "two in any ten");
         // the prediction for the next cycle is right
         let mut window = LossWindow::new(2, 10);
         for k in 0..100 {
-            let (is_used_up, mut next) = (window.is_used_up(), window.clone());
-            assert_eq!(next.take(true), is_used_up, "{k}");
-            window.take(k % 5 == 0);
+            let (is_at_limit, mut next) = (window.is_at_limit(), window.clone());
+            assert_eq!(next.record(true), is_at_limit, "{k}");
+            window.record(k % 5 == 0);
         }
     }
 

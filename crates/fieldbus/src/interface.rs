@@ -12,7 +12,7 @@ use std::io;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
-/// Why an interface is refused.
+/// Why an interface is refused. Its text says what to do.
 #[derive(Debug)]
 pub enum InterfaceError {
     /// There is none of this name; those that there are.
@@ -36,7 +36,7 @@ pub enum InterfaceError {
     /// The process may not send frames.
     NoPermission(String),
     /// Another process of this program uses it.
-    Taken(String),
+    InUse(String),
     /// It carries frames for EtherCAT already, of another main device.
     HasTraffic(String),
     /// Another error of the system.
@@ -94,7 +94,7 @@ impl Display for InterfaceError {
                 std::env::current_exe()
                     .map_or_else(|_| "hydroboom".into(), |p| p.display().to_string())
             ),
-            Self::Taken(name) => write!(
+            Self::InUse(name) => write!(
                 f,
                 "another process uses {name}, perhaps another hydroboom run: end that first"
             ),
@@ -131,8 +131,8 @@ pub(crate) fn check(name: &str) -> Result<LinkAddr, InterfaceError> {
     if flags.contains(InterfaceFlags::IFF_LOOPBACK) {
         return Err(InterfaceError::Loopback(name.into()));
     }
-    let described = described_by_system(name, link.ifindex());
-    let has = |what: &str| described.as_ref().is_some_and(|folder| folder.join(what).exists());
+    let directory = sysfs_directory(name, link.ifindex());
+    let has = |what: &str| directory.as_ref().is_some_and(|folder| folder.join(what).exists());
     if has("phy80211") || has("wireless") || is_listed("/proc/net/wireless", name) {
         return Err(InterfaceError::Wireless(name.into()));
     }
@@ -146,7 +146,8 @@ pub(crate) fn check(name: &str) -> Result<LinkAddr, InterfaceError> {
         return Err(InterfaceError::HasDefaultRoute(name.into()));
     }
     let addresses = all.iter().filter(|entry| entry.interface_name == name);
-    if let Some(address) = addresses.filter_map(|entry| entry.address.as_ref()).find_map(internet) {
+    if let Some(address) = addresses.filter_map(|entry| entry.address.as_ref()).find_map(ip_address)
+    {
         return Err(InterfaceError::HasAddress(name.into(), address));
     }
     if !flags.contains(InterfaceFlags::IFF_UP) {
@@ -164,18 +165,20 @@ fn link_address(entry: &InterfaceAddress) -> Option<(LinkAddr, InterfaceFlags)> 
     Some((*link, entry.flags))
 }
 
-fn internet(address: &SockaddrStorage) -> Option<IpAddr> {
+/// IPv4 or IPv6 address, if the entry has one.
+fn ip_address(address: &SockaddrStorage) -> Option<IpAddr> {
     let four = address.as_sockaddr_in().map(|four| IpAddr::V4(four.ip()));
     four.or_else(|| address.as_sockaddr_in6().map(|six| IpAddr::V6(six.ip())))
 }
 
 /// The system's folder of an interface; none where it shows those of another network namespace.
-pub(crate) fn described_by_system(name: &str, index: usize) -> Option<PathBuf> {
+pub(crate) fn sysfs_directory(name: &str, index: usize) -> Option<PathBuf> {
     let folder = Path::new("/sys/class/net").join(name);
-    let shown = fs::read_to_string(folder.join("ifindex")).ok()?;
-    (shown.trim().parse() == Ok(index)).then_some(folder)
+    let listed = fs::read_to_string(folder.join("ifindex")).ok()?;
+    (listed.trim().parse() == Ok(index)).then_some(folder)
 }
 
+/// Text of a file of the system; empty where it cannot be read.
 fn read(file: &str) -> String {
     fs::read_to_string(file).unwrap_or_default()
 }

@@ -22,6 +22,7 @@
     clippy::unreachable
 )]
 
+mod al_status_code;
 pub mod bus;
 pub mod bus_task;
 pub mod check;

@@ -15,19 +15,20 @@ use std::os::fd::AsRawFd;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixListener};
 
-/// Ethertype of EtherCAT.
+/// EtherType of EtherCAT (IEC 61158-4-12).
 pub const ETHERTYPE: u16 = 0x88a4;
 /// Time for which an interface has to be silent \[ns\]: longer than the longest period of a bus.
 const SILENCE: u64 = 20_000_000;
 /// Largest Ethernet frame \[byte\].
 const LARGEST_FRAME: usize = 1536;
 
-/// A network interface that is reserved for this bus.
+/// A network interface that is reserved for this bus, as a [`Link`].
 #[derive(Debug)]
 pub struct RawSocket {
+    /// Packet socket that receives frames of EtherCAT only.
     socket: Socket,
     /// Keeps other processes of this program away from the interface, until it is dropped or the process ends.
-    _taken: UnixListener,
+    _lock: UnixListener,
 }
 
 impl RawSocket {
@@ -60,12 +61,12 @@ impl RawSocket {
         let socket = socket(&link).map_err(of)?;
         // an abstract socket name in the network namespace, which the kernel frees when its process ends
         let name = SocketAddr::from_abstract_name(format!("hydroboom-ethercat-{interface}"));
-        let taken = name.and_then(|name| UnixListener::bind_addr(&name));
-        let taken = taken.map_err(|error| match error.kind() {
-            io::ErrorKind::AddrInUse => InterfaceError::Taken(interface.into()),
+        let lock = name.and_then(|name| UnixListener::bind_addr(&name));
+        let lock = lock.map_err(|error| match error.kind() {
+            io::ErrorKind::AddrInUse => InterfaceError::InUse(interface.into()),
             _ => of(error),
         })?;
-        Ok(Self { socket, _taken: taken })
+        Ok(Self { socket, _lock: lock })
     }
 }
 
@@ -91,11 +92,11 @@ impl Link for RawSocket {
             match recv(self.socket.as_raw_fd(), frame, MsgFlags::MSG_DONTWAIT) {
                 Ok(length) => return Some(length),
                 Err(Errno::EAGAIN | Errno::EINTR) => {
-                    let left = until.saturating_sub(now());
-                    if left == 0 {
+                    let remaining = until.saturating_sub(now());
+                    if remaining == 0 {
                         return None;
                     }
-                    wait_for_input(&self.socket, left);
+                    wait_for_input(&self.socket, remaining);
                 }
                 // the interface is gone or switched off: frames are lost until it is back
                 Err(_) => {

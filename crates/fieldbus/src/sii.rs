@@ -6,12 +6,15 @@ use crate::wire::Wire;
 use ethercrab::SubDevice;
 use ethercrab::error::Error;
 
-/// Word address of the first category.
+/// Word address of the first category (ETG.1000.6).
 const FIRST_CATEGORY: u16 = 0x40;
-/// Category types: inputs (TxPDO), outputs (RxPDO), distributed clock; and the end marker.
-const INPUTS: u16 = 50;
-const OUTPUTS: u16 = 51;
-const CLOCK: u16 = 60;
+/// Category type (ETG.2010): inputs (TxPDO).
+const TX_PDO: u16 = 50;
+/// Outputs (RxPDO).
+const RX_PDO: u16 = 51;
+/// Distributed clock.
+const DISTRIBUTED_CLOCK: u16 = 60;
+/// End of the categories.
 const END: u16 = 0xffff;
 /// Largest number of categories that are read, so that a damaged EEPROM causes no endless loop.
 const MOST_CATEGORIES: u32 = 64;
@@ -27,24 +30,28 @@ pub struct Sii {
     pub activations: Vec<u16>,
 }
 
-/// Reads the categories of process data and of the distributed clock.
+/// Reads the categories of process data and of the distributed clock; other categories are skipped.
+///
+/// # Errors
+///
+/// The error of a read of the EEPROM, as for a device that does not answer.
 pub(crate) fn read<L: Link>(wire: &mut Wire<L>, device: &SubDevice) -> Result<Sii, Error> {
     let main = wire.main;
     let mut sii = Sii::default();
     let mut word = FIRST_CATEGORY;
     for _ in 0..MOST_CATEGORIES {
-        let mut head = [0; 4];
-        wire.run(device.eeprom_read_raw(main, word, &mut head))?;
-        let (kind, words) = (u16_at(&head, 0), u16_at(&head, 2));
+        let mut header = [0; 4];
+        wire.run(device.eeprom_read_raw(main, word, &mut header))?;
+        let (kind, words) = (u16_at(&header, 0), u16_at(&header, 2));
         if kind == END {
             break;
         }
-        if matches!(kind, INPUTS | OUTPUTS | CLOCK) {
+        if matches!(kind, TX_PDO | RX_PDO | DISTRIBUTED_CLOCK) {
             let mut data = vec![0; 2 * usize::from(words.min(1024))];
             wire.run(device.eeprom_read_raw(main, word.saturating_add(2), &mut data))?;
             match kind {
-                INPUTS => sii.inputs.extend(lists(&data)),
-                OUTPUTS => sii.outputs.extend(lists(&data)),
+                TX_PDO => sii.inputs.extend(pdos(&data)),
+                RX_PDO => sii.outputs.extend(pdos(&data)),
                 _ => sii.activations.extend(data.chunks_exact(24).map(|mode| u16_at(mode, 14))),
             }
         }
@@ -53,6 +60,7 @@ pub(crate) fn read<L: Link>(wire: &mut Wire<L>, device: &SubDevice) -> Result<Si
     Ok(sii)
 }
 
+/// Little-endian number of 16 bit at an offset \[byte\]; bytes beyond the end are 0.
 fn u16_at(bytes: &[u8], at: usize) -> u16 {
     u16::from(bytes.get(at).copied().unwrap_or(0))
         | u16::from(bytes.get(at + 1).copied().unwrap_or(0)) << 8
@@ -60,19 +68,19 @@ fn u16_at(bytes: &[u8], at: usize) -> u16 {
 
 /// PDOs: a header of 8 bytes with index and number of entries, then 8 bytes for each entry. PDOs that are assigned to
 /// no sync manager (0xFF) are left out.
-fn lists(mut data: &[u8]) -> Vec<Pdo> {
-    let mut lists = Vec::new();
-    while let Some((head, rest)) = data.split_at_checked(8) {
-        let count = 8 * usize::from(head[2]);
+fn pdos(mut data: &[u8]) -> Vec<Pdo> {
+    let mut pdos = Vec::new();
+    while let Some((header, rest)) = data.split_at_checked(8) {
+        let count = 8 * usize::from(header[2]);
         let Some((entries, rest)) = rest.split_at_checked(count) else { break };
         let entry = |e: &[u8]| Entry { index: u16_at(e, 0), sub: e[2], bits: e[5] };
-        if head[3] != 0xff {
-            lists.push(Pdo {
-                list: u16_at(head, 0),
+        if header[3] != 0xff {
+            pdos.push(Pdo {
+                list: u16_at(header, 0),
                 entries: entries.chunks_exact(8).map(entry).collect(),
             });
         }
         data = rest;
     }
-    lists
+    pdos
 }

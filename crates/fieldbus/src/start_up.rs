@@ -7,6 +7,7 @@
 //!                  once drives are to be enabled
 //! ```
 
+use crate::al_status_code::{Explanation, explanation};
 use crate::bus::Bus;
 use crate::check::{DeviceFacts, Mismatch, mismatches};
 use crate::device_configuration::configure;
@@ -20,8 +21,8 @@ use crate::wire::Wire;
 use ethercrab::error::Error;
 use ethercrab::subdevice_group::{DcConfiguration, HasDc, NoDc, PreOp, PreOpPdi, SafeOp};
 use ethercrab::{
-    AlStatusCode, DcSync, DefaultLock, MainDeviceConfig, RegisterAddress, SubDevice,
-    SubDeviceGroup, SubDeviceState,
+    DcSync, DefaultLock, MainDeviceConfig, RegisterAddress, SubDevice, SubDeviceGroup,
+    SubDeviceState,
 };
 use std::fmt::{self, Display, Formatter};
 use std::time::Duration;
@@ -221,7 +222,7 @@ pub(crate) fn settle<L: Link>(wire: &mut Wire<L>, group: &Devices<SafeOp>, table
     while now() < first {
         let sent = now();
         let answer = wire.run_until(group.tx_rx_dc(main), sent + table.bus.period);
-        pace.see(sent, answer.and_then(Result::ok).map(|answer| answer.extra.dc_system_time));
+        pace.update(sent, answer.and_then(Result::ok).map(|answer| answer.extra.dc_system_time));
         wire.link.wait(pace.next_exchange());
     }
     pace
@@ -262,7 +263,7 @@ fn into_op<L: Link>(
         let sent = now();
         let answer = wire.run_until(group.tx_rx_dc(main), sent + table.bus.period);
         let answer = answer.and_then(Result::ok);
-        pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+        pace.update(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
         if answer.is_some_and(|answer| answer.is_in_state(SubDeviceState::Op)) {
             return Ok(());
         }
@@ -285,7 +286,11 @@ fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String 
         match wire.run(read.receive::<u16>(main)) {
             Ok(0) => {}
             Ok(code) => {
-                found.push(format!("{} (position {position}) reports {}", row.name, al_text(code)))
+                let Explanation { cause, advice, .. } = explanation(code);
+                found.push(format!(
+                    "{} (position {position}) reports AL status code 0x{code:04X}: {cause}; {advice}",
+                    row.name
+                ));
             }
             Err(_) => found.push(format!("{} (position {position}) does not answer", row.name)),
         }
@@ -309,11 +314,4 @@ pub(crate) fn request<L: Link>(wire: &mut Wire<L>, state: u8, end: u64) -> bool 
     let main = wire.main;
     let control = ethercrab::Command::bwr(RegisterAddress::AlControl.into());
     wire.run_until(control.send(main, [state, 0]), end).is_some_and(|sent| sent.is_ok())
-}
-
-/// Text of an AL status code.
-pub(crate) fn al_text(code: u16) -> String {
-    use ethercrab::EtherCrabWireRead;
-    AlStatusCode::unpack_from_slice(&code.to_le_bytes())
-        .map_or_else(|_| format!("{code:#06x}"), |code| code.to_string())
 }

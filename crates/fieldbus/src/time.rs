@@ -40,6 +40,7 @@ pub(crate) fn next_timer() -> u64 {
     NEXT_TIMER.get()
 }
 
+/// Time driver of `ethercrab`: the time of the calling thread.
 struct BusTime;
 
 impl Driver for BusTime {

@@ -82,7 +82,7 @@ impl<L: Link> Wire<L> {
             let (link, frames) = (&mut self.link, &mut self.frames);
             // one that was not sent is lost like any other: the future's time runs out
             let _ = frame.send_blocking(|bytes| {
-                frames.keep(now(), bytes, true);
+                frames.record(now(), bytes, true);
                 link.send(bytes);
                 Ok(bytes.len())
             });
@@ -90,7 +90,7 @@ impl<L: Link> Wire<L> {
         let until = next_timer().min(end).min(now().saturating_add(IDLE));
         if let Some(length) = self.link.receive(&mut self.buffer, until) {
             let frame = self.buffer.get(..length).unwrap_or(&self.buffer);
-            self.frames.keep(now(), frame, false);
+            self.frames.record(now(), frame, false);
             if self.rx.receive_frame(frame).is_err() {
                 self.unexpected += 1;
             }

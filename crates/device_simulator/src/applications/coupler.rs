@@ -8,16 +8,21 @@ use crate::object_dictionary::ObjectDictionary;
 
 /// An application that does nothing.
 #[derive(Clone, Copy, Debug)]
-struct Nothing;
+struct NoApplication;
 
 /// Bus coupler with these settings and this clock.
 pub fn coupler(settings: Settings, clock: DistributedClock) -> Device {
-    let settings =
-        Settings { mailbox: None, outputs: None, inputs: None, is_emulated: true, ..settings };
-    Device::new(settings, clock, ObjectDictionary::default(), Box::new(Nothing))
+    let settings = Settings {
+        mailbox: None,
+        outputs: None,
+        inputs: None,
+        has_device_emulation: true,
+        ..settings
+    };
+    Device::new(settings, clock, ObjectDictionary::default(), Box::new(NoApplication))
 }
 
-impl Application for Nothing {
+impl Application for NoApplication {
     fn advance(&mut self, _: &mut ObjectDictionary, _: u64) {}
 
     fn outputs(&mut self, _: &mut ObjectDictionary, _: u64) {}

@@ -8,11 +8,13 @@ use crate::device::{Area, Device, Settings};
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
 
 /// Receiver of the output states, called with one bit per channel, channel 0 in bit 0.
-pub type Switched = Box<dyn FnMut(u32)>;
+pub type OutputCallback = Box<dyn FnMut(u32)>;
 
 /// Application of a digital output device.
 pub struct DigitalOutput {
-    switched: Switched,
+    /// Receiver of the output states.
+    callback: OutputCallback,
+    /// Number of channels, at most 32.
     channels: u8,
 }
 
@@ -31,7 +33,7 @@ impl DigitalOutput {
         settings: Settings,
         channels: u8,
         clock: DistributedClock,
-        switched: Switched,
+        callback: OutputCallback,
     ) -> Device {
         let channels = channels.min(32);
         let outputs = Some(Area { sync_manager: 0, start: 0x1000, length: 4 });
@@ -46,7 +48,7 @@ impl DigitalOutput {
         }
         add_process_data(&mut dictionary, [0x1c12, 0x1600], &entries, access);
         dictionary.add((0x1c13, 0), &[0], access, Mapping::None);
-        Device::new(settings, clock, dictionary, Box::new(Self { switched, channels }))
+        Device::new(settings, clock, dictionary, Box::new(Self { callback, channels }))
     }
 }
 
@@ -55,12 +57,12 @@ impl Application for DigitalOutput {
 
     fn outputs(&mut self, dictionary: &mut ObjectDictionary, _: u64) {
         let bit = |k: u8| dictionary.unsigned((FIRST + 0x10 * u16::from(k), 1)) as u32 & 1;
-        (self.switched)((0..self.channels).fold(0, |bits, k| bits | bit(k) << k));
+        (self.callback)((0..self.channels).fold(0, |bits, k| bits | bit(k) << k));
     }
 
     fn inputs(&mut self, _: &mut ObjectDictionary, _: u64) {}
 
     fn outputs_are_lost(&mut self, _: &mut ObjectDictionary, _: u64, _: Option<AlStatusCode>) {
-        (self.switched)(0);
+        (self.callback)(0);
     }
 }

@@ -33,12 +33,13 @@ impl DriveState {
         }
     }
 
-    /// Whether the motor has torque in this state.
+    /// Whether the motor may have torque in this state.
     pub fn has_torque(self) -> bool {
         matches!(self, Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive)
     }
 
-    /// Next state for a controlword 0x6040; `before` is the one before. A fault is reset by a rising bit 7.
+    /// Next state for a controlword 0x6040; `before` is the controlword before. A rising bit 7 resets a fault. A state
+    /// that the word does not leave is kept.
     pub fn by_controlword(self, word: u16, before: u16) -> Self {
         use DriveState::{
             Fault, FaultReactionActive, OperationEnabled, QuickStopActive, ReadyToSwitchOn,

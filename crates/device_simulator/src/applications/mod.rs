@@ -7,12 +7,12 @@ mod drive_state;
 mod servo_drive;
 mod velocity_unit;
 
-pub use analogue_input::{AnalogueInput, Signal};
+pub use analogue_input::{AnalogueInput, CurrentSource};
 pub use coupler::coupler;
 pub use digital_output::DigitalOutput;
 pub use drive_state::DriveState;
 pub use servo_drive::{
-    DriveSettings, INJECTED_FAULT, Motor, SAFE_TORQUE_OFF, ServoDrive, StiffMotor,
+    DriveSettings, INJECTED_FAULT, IdealMotor, Motor, SAFE_TORQUE_OFF, ServoDrive,
 };
 pub use velocity_unit::VelocityUnit;
 

@@ -8,20 +8,29 @@ use crate::device::{Device, Settings};
 use crate::mailbox::Emergency;
 use crate::object_dictionary::{Abort, Key, Mapping, ObjectAccess, ObjectDictionary};
 
-/// Mode of operation: cyclic synchronous velocity.
+/// Mode of operation (0x6060): cyclic synchronous velocity.
 const CYCLIC_VELOCITY: i64 = 9;
-/// Fault: process-data watchdog or another loss of communication.
-const COMMUNICATION: u16 = 0x7500;
+/// Error code (0x603F) of a process-data watchdog or another loss of communication.
+const COMMUNICATION_FAULT: u16 = 0x7500;
+/// Controlword (CiA 402).
 const CONTROLWORD: Key = (0x6040, 0);
+/// Statusword.
 const STATUSWORD: Key = (0x6041, 0);
+/// Error code.
 const ERROR_CODE: Key = (0x603f, 0);
+/// Modes of operation.
 const MODE: Key = (0x6060, 0);
+/// Modes of operation display.
 const MODE_DISPLAY: Key = (0x6061, 0);
+/// Position actual value \[increments\].
 const POSITION: Key = (0x6064, 0);
+/// Velocity actual value \[velocity unit\].
 const VELOCITY: Key = (0x606c, 0);
+/// Target velocity \[velocity unit\].
 const TARGET: Key = (0x60ff, 0);
+/// Digital inputs.
 const DIGITAL_INPUTS: Key = (0x60fd, 0);
-/// Bit of 0x60FD: interlock, here safe torque off.
+/// Bit 3 of 0x60FD: interlock, here safe torque off.
 const INTERLOCK: i64 = 0x08;
 
 /// Motor with its load, behind a servo drive.
@@ -38,13 +47,16 @@ pub trait Motor {
 
 /// Ideal motor: it has the commanded speed at once, and stands still without torque.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct StiffMotor {
+pub struct IdealMotor {
+    /// Motor speed \[rev/s\].
     speed: f64,
+    /// Motor angle since power-on \[rev\].
     angle: f64,
+    /// Time to which it was advanced \[ns\].
     now: u64,
 }
 
-impl Motor for StiffMotor {
+impl Motor for IdealMotor {
     fn command(&mut self, speed: Option<f64>) {
         self.speed = speed.unwrap_or(0.0);
     }
@@ -76,18 +88,27 @@ pub struct DriveSettings {
     pub is_mapping_fixed: bool,
 }
 
-/// Application of a servo drive in cyclic synchronous velocity mode (CiA 402).
+/// Application of a servo drive in cyclic synchronous velocity (CiA 402, IEC 61800-7-201): objects 0x6040, 0x6041,
+/// 0x603F, 0x6060, 0x6061, 0x6064, 0x606C, 0x60FF, 0x60FD, and reactions by its own ramp.
 pub struct ServoDrive {
+    /// Unit, resolution, deceleration and mapping.
     settings: DriveSettings,
+    /// Motor behind the drive.
     motor: Box<dyn Motor>,
+    /// State of the drive's state machine.
     state: DriveState,
+    /// Controlword that was received last.
     controlword: u16,
+    /// Error code (0x603F); 0 without a fault.
     error: u16,
+    /// Whether safe torque off is requested.
     has_safe_torque_off: bool,
     /// Set point while the drive stops by itself \[rev/s\].
-    ramp: f64,
+    ramp_speed: f64,
+    /// Time to which it was advanced \[ns\].
     now: u64,
-    message: Option<Emergency>,
+    /// Emergency message that is still to be sent.
+    pending_emergency: Option<Emergency>,
 }
 
 impl std::fmt::Debug for ServoDrive {
@@ -96,9 +117,9 @@ impl std::fmt::Debug for ServoDrive {
     }
 }
 
-/// Process data after power-on: controlword, target velocity, mode; statusword, position, velocity, mode, error code,
-/// digital inputs.
+/// Outputs after power-on as index, subindex, bits: controlword, target velocity, mode of operation.
 const OUTPUTS: [(u16, u8, u8); 3] = [(0x6040, 0, 16), (0x60ff, 0, 32), (0x6060, 0, 8)];
+/// Inputs after power-on: statusword, position, velocity, mode of operation, error code, digital inputs.
 const INPUTS: [(u16, u8, u8); 6] = [
     (0x6041, 0, 16),
     (0x6064, 0, 32),
@@ -126,17 +147,18 @@ impl ServoDrive {
             controlword: 0,
             error: 0,
             has_safe_torque_off: false,
-            ramp: 0.0,
+            ramp_speed: 0.0,
             now: 0,
-            message: None,
+            pending_emergency: None,
         };
         Device::new(settings, clock, dictionary, Box::new(application))
     }
 
+    /// Adds the objects of the drive, and those of synchronisation where it has SYNC0.
     fn add_objects(dictionary: &mut ObjectDictionary, drive: &DriveSettings, has_sync0: bool) {
         use Mapping::{Inputs, None as Unmapped, Outputs};
         use ObjectAccess::{ReadOnly, ReadWrite, ReadWriteInPreOp};
-        let pad = |entries: &[(u16, u8, u8)]| -> Vec<(u16, u8, u8)> {
+        let with_gaps = |entries: &[(u16, u8, u8)]| -> Vec<(u16, u8, u8)> {
             let mut all = Vec::new();
             for entry in entries {
                 all.push(*entry);
@@ -148,8 +170,8 @@ impl ServoDrive {
             all
         };
         let access = if drive.is_mapping_fixed { ReadOnly } else { ReadWriteInPreOp };
-        add_process_data(dictionary, [0x1c12, 0x1600], &pad(&OUTPUTS), access);
-        add_process_data(dictionary, [0x1c13, 0x1a00], &pad(&INPUTS), access);
+        add_process_data(dictionary, [0x1c12, 0x1600], &with_gaps(&OUTPUTS), access);
+        add_process_data(dictionary, [0x1c13, 0x1a00], &with_gaps(&INPUTS), access);
         let mut add = |key, bytes: &[u8], access, mapping| {
             dictionary.add(key, bytes, access, mapping);
         };
@@ -183,30 +205,34 @@ impl ServoDrive {
         drive.unit.describe(dictionary);
     }
 
-    /// A fault of the drive, with its code in 0x603F.
+    /// Enters fault reaction active, or fault without torque, with a code in 0x603F and an emergency message. The
+    /// first code is kept.
     fn fault(&mut self, code: u16) {
         if self.error == 0 {
             self.error = code;
-            self.message = Some(Emergency { code, register: 0x01 });
+            self.pending_emergency = Some(Emergency { code, register: 0x01 });
         }
-        self.ramp = self.motor.speed();
+        self.ramp_speed = self.motor.speed();
         self.state = match self.state.has_torque() {
             true => DriveState::FaultReactionActive,
             false => DriveState::Fault,
         };
     }
 
+    /// Commanded motor speed \[rev/s\]: the target velocity in mode 9, else 0, or the ramp of a stop. `None` without
+    /// torque.
     fn set_point(&self, dictionary: &ObjectDictionary) -> Option<f64> {
         match self.state {
             DriveState::OperationEnabled if dictionary.signed(MODE_DISPLAY) == CYCLIC_VELOCITY => {
                 Some(dictionary.signed(TARGET) as f64 * self.settings.unit.rev_per_s())
             }
             DriveState::OperationEnabled => Some(0.0),
-            DriveState::QuickStopActive | DriveState::FaultReactionActive => Some(self.ramp),
+            DriveState::QuickStopActive | DriveState::FaultReactionActive => Some(self.ramp_speed),
             _ => None,
         }
     }
 
+    /// Statusword 0x6041: state, bit 9 (remote), bit 12 (follows its target).
     fn statusword(&self) -> i64 {
         // remote, and bit 12 where it follows its set point
         let follows = if self.state == DriveState::OperationEnabled { 0x1000 } else { 0 };
@@ -221,7 +247,7 @@ pub const SAFE_TORQUE_OFF: Key = (0x2f00, 2);
 
 impl Application for ServoDrive {
     fn advance(&mut self, dictionary: &mut ObjectDictionary, now: u64) {
-        let passed = now.saturating_sub(self.now) as f64 * 1e-9;
+        let elapsed = now.saturating_sub(self.now) as f64 * 1e-9;
         self.motor.advance(now);
         self.now = now;
         let injected = dictionary.unsigned(INJECTED_FAULT) as u16;
@@ -233,9 +259,9 @@ impl Application for ServoDrive {
             self.state = DriveState::SwitchOnDisabled;
         }
         if matches!(self.state, DriveState::QuickStopActive | DriveState::FaultReactionActive) {
-            let step = self.settings.deceleration * passed;
-            self.ramp = self.ramp.signum() * (self.ramp.abs() - step).max(0.0);
-            if self.ramp == 0.0 {
+            let step = self.settings.deceleration * elapsed;
+            self.ramp_speed = self.ramp_speed.signum() * (self.ramp_speed.abs() - step).max(0.0);
+            if self.ramp_speed == 0.0 {
                 self.state = match self.state {
                     DriveState::FaultReactionActive => DriveState::Fault,
                     _ => DriveState::SwitchOnDisabled,
@@ -253,7 +279,7 @@ impl Application for ServoDrive {
             dictionary.set_number(INJECTED_FAULT, 0);
         }
         if next == DriveState::QuickStopActive && self.state != next {
-            self.ramp = self.motor.speed();
+            self.ramp_speed = self.motor.speed();
         }
         self.state = if self.has_safe_torque_off { DriveState::SwitchOnDisabled } else { next };
         self.controlword = word;
@@ -281,9 +307,9 @@ impl Application for ServoDrive {
         why: Option<AlStatusCode>,
     ) {
         if why.is_some() && dictionary.signed((0x6007, 0)) != 0 {
-            self.fault(COMMUNICATION);
+            self.fault(COMMUNICATION_FAULT);
         } else if self.state.has_torque() {
-            self.ramp = self.motor.speed();
+            self.ramp_speed = self.motor.speed();
             self.state = DriveState::QuickStopActive;
         }
         self.motor.command(self.set_point(dictionary));
@@ -302,6 +328,6 @@ impl Application for ServoDrive {
     }
 
     fn emergency(&mut self) -> Option<Emergency> {
-        self.message.take()
+        self.pending_emergency.take()
     }
 }

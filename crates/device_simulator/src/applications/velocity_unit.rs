@@ -2,7 +2,7 @@
 
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
 
-/// Unit of a drive's velocities 0x60FF and 0x606C.
+/// Unit of a drive's velocities 0x60FF and 0x606C (CiA 402, unit codes of CiA 303-2).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VelocityUnit {
     /// Increments per second of an encoder, behind a gear (0x6091) and a factor (0x6096).
@@ -18,7 +18,7 @@ pub enum VelocityUnit {
     PrefixedRpm(i8),
 }
 
-/// Revolutions and minutes, as 0x60A9 states units.
+/// Revolutions per minute in 0x60A9: numerator 0xB4, denominator 0x47 (CiA 303-2).
 const REVOLUTION_PER_MINUTE: u32 = 0xb4 << 16 | 0x47 << 8;
 
 impl VelocityUnit {

@@ -1,5 +1,5 @@
-//! Distributed clock: a local clock with an offset and a drift, held at the system time of the reference, and the
-//! pulses SYNC0 and SYNC1.
+//! Distributed clock (ETG.1000.4): a local clock with an offset and a drift, held at the system time of the reference,
+//! and the pulses SYNC0 and SYNC1.
 //!
 //! ```text
 //! local time   t_l = t_0 + (1 + d) t + a           a: what the control loop has added
@@ -13,7 +13,8 @@ use super::registers::{
     SYSTEM_TIME, SYSTEM_TIME_DELAY, SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
 };
 
-/// Distributed clock of a device: local clock, control loop, and the pulses SYNC0 and SYNC1.
+/// Distributed clock of a device: local clock, control loop, and the pulses SYNC0 and SYNC1. "Bus time" is the time of
+/// the simulation, which no device knows.
 #[derive(Clone, Debug)]
 pub struct DistributedClock {
     /// Local time at bus time zero \[ns\].
@@ -25,7 +26,7 @@ pub struct DistributedClock {
     /// Next SYNC0, system time \[ns\].
     next: Option<u64>,
     /// Whether SYNC0 is suppressed by an injected fault.
-    pub is_silent: bool,
+    pub is_sync0_suppressed: bool,
 }
 
 /// Share of a difference that the control loop takes back at each received time, as a divisor. Estimate: controllers
@@ -35,7 +36,7 @@ const GAIN: i64 = 16;
 impl DistributedClock {
     /// Clock with a local time at bus time zero \[ns\] and a drift against the bus time \[ppb\].
     pub fn new(start: u64, drift_ppb: i64) -> Self {
-        Self { start, drift_ppb, correction: 0, next: None, is_silent: false }
+        Self { start, drift_ppb, correction: 0, next: None, is_sync0_suppressed: false }
     }
 
     /// Local time at the bus time `now` \[ns\].
@@ -50,7 +51,7 @@ impl DistributedClock {
     }
 
     /// Writes system time and the time of the next SYNC0 into the registers, at the bus time `now` \[ns\].
-    pub fn show(&self, memory: &mut Memory, now: u64) {
+    pub fn update_registers(&self, memory: &mut Memory, now: u64) {
         memory.set(SYSTEM_TIME, &self.system(memory, now).to_le_bytes());
         if let Some(next) = self.next {
             memory.set(SYNC_START, &next.to_le_bytes());
@@ -71,8 +72,9 @@ impl DistributedClock {
         }
     }
 
-    /// Control loop: follows a received system time of the reference clock, at the bus time `now` \[ns\].
-    pub fn follow(&mut self, memory: &mut Memory, received: &[u8], now: u64) {
+    /// Control loop: follows a received system time of the reference clock, at the bus time `now` \[ns\]. `received`
+    /// is little-endian with 4 or 8 bytes; a shorter one is ignored. Writes the difference into 0x092C.
+    pub fn correct(&mut self, memory: &mut Memory, received: &[u8], now: u64) {
         let own = self.system(memory, now).wrapping_sub(u64::from(memory.u32(SYSTEM_TIME_DELAY)));
         let difference = match received.len() {
             8.. => {
@@ -88,8 +90,8 @@ impl DistributedClock {
         let size = difference.unsigned_abs().min(0x7fff_ffff) as u32;
         let sign = if difference < 0 { 0x8000_0000 } else { 0 };
         memory.set(SYSTEM_TIME_DIFFERENCE, &(size | sign).to_le_bytes());
-        let back = difference / GAIN + difference.signum();
-        self.correction = self.correction.wrapping_sub(back);
+        let step = difference / GAIN + difference.signum();
+        self.correction = self.correction.wrapping_sub(step);
     }
 
     /// Starts or stops cyclic operation by the registers, at the bus time `now` \[ns\]. Pulses begin at the start
@@ -104,21 +106,21 @@ impl DistributedClock {
 
     /// Bus time of the next SYNC0 \[ns\], predicted at the bus time `now` \[ns\]; `None` without pulses.
     pub fn due(&self, memory: &Memory, now: u64) -> Option<u64> {
-        let next = self.next.filter(|_| !self.is_silent)?;
-        let away = next.wrapping_sub(self.system(memory, now)) as i64;
-        let drift = (i128::from(away) * i128::from(self.drift_ppb) / 1_000_000_000) as i64;
-        Some(now.saturating_add_signed(away - drift))
+        let next = self.next.filter(|_| !self.is_sync0_suppressed)?;
+        let until_next = next.wrapping_sub(self.system(memory, now)) as i64;
+        let drift = (i128::from(until_next) * i128::from(self.drift_ppb) / 1_000_000_000) as i64;
+        Some(now.saturating_add_signed(until_next - drift))
     }
 
     /// Moves the next SYNC0 on by a cycle, after a pulse.
-    pub fn pulse(&mut self, memory: &Memory) {
+    pub fn advance_sync0(&mut self, memory: &Memory) {
         let cycle = u64::from(memory.u32(SYNC0_CYCLE));
         self.next = self.next.map(|next| next + cycle);
     }
 
     /// Whether SYNC0 pulses are generated.
     pub fn is_running(&self) -> bool {
-        self.next.is_some() && !self.is_silent
+        self.next.is_some() && !self.is_sync0_suppressed
     }
 
     /// Whether SYNC0 and SYNC1 are activated in the registers, and their cycle times \[ns\].

@@ -1,4 +1,5 @@
-//! EEPROM interface: the main device writes a command and a word address, and reads eight bytes.
+//! EEPROM interface (SII access, ETG.1000.4): the main device writes a command and a word address, and reads eight
+//! bytes.
 
 use super::memory::Memory;
 use super::registers::EEPROM;
@@ -11,7 +12,7 @@ pub struct Eeprom {
 }
 
 /// Bit of the status: eight bytes are read at once.
-const READS_EIGHT: u16 = 0x0040;
+const EIGHT_BYTE_READ: u16 = 0x0040;
 /// Bits of the command.
 const COMMAND: u16 = 0x0700;
 /// Read.
@@ -19,18 +20,18 @@ const READ: u16 = 0x0100;
 /// Reload the controller's own settings from the EEPROM.
 const RELOAD: u16 = 0x0400;
 /// Bit of the status: a command was refused.
-const REFUSED: u16 = 0x2000;
+const COMMAND_ERROR: u16 = 0x2000;
 
 impl Eeprom {
     /// Executes the command in the control register. The EEPROM is read-only: a write command is refused.
-    pub fn carry_out(&self, memory: &mut Memory) {
+    pub fn execute(&self, memory: &mut Memory) {
         let command = memory.u16(EEPROM + 2) & COMMAND;
         let first = 2 * memory.u32(EEPROM + 4) as usize;
         if command == READ {
             let byte = |k: usize| self.content.get(first + k).copied().unwrap_or(0xff);
             memory.set(EEPROM + 8, &std::array::from_fn::<u8, 8, _>(byte));
         }
-        let refused = if matches!(command, 0 | READ | RELOAD) { 0 } else { REFUSED };
-        memory.set(EEPROM + 2, &(READS_EIGHT | refused).to_le_bytes());
+        let error = if matches!(command, 0 | READ | RELOAD) { 0 } else { COMMAND_ERROR };
+        memory.set(EEPROM + 2, &(EIGHT_BYTE_READ | error).to_le_bytes());
     }
 }

@@ -1,5 +1,5 @@
-//! Fieldbus memory management units: parts of the logical address space that are parts of a device's memory, bit by
-//! bit.
+//! Fieldbus memory management units (FMMU, ETG.1000.4): parts of the logical address space that are parts of a
+//! device's memory, bit by bit.
 
 use super::memory::Memory;
 use super::registers::FMMU;

@@ -1,4 +1,5 @@
-//! EtherCAT device controller: registers, memory, FMMUs, sync managers, distributed clock and watchdog.
+//! EtherCAT device controller: registers, memory, FMMUs, sync managers, distributed clock and watchdog (ETG.1000.4,
+//! IEC 61158-4-12).
 
 mod distributed_clock;
 mod eeprom;
@@ -33,24 +34,25 @@ pub struct Controller {
     pub eeprom: Eeprom,
     /// Process-data watchdog.
     pub watchdog: Watchdog,
-    /// When the frame that is under way passed the ports \[ns\].
+    /// Bus times at which the frame that is under way passes the ports \[ns\]; none for an unused port.
     pub(crate) ports: [Option<u64>; 4],
+    /// Events since the application took them last.
     events: Vec<Event>,
 }
 
 /// Events for the application.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Event {
-    /// A state is requested: the written byte.
-    StateRequest(u8),
-    /// The mailbox for requests was filled.
-    Request,
-    /// The mailbox for answers was fetched.
-    Fetched,
-    /// Fetching of the last answer is asked for anew.
+    /// AL control (0x0120) was written: its low byte.
+    AlControlWritten(u8),
+    /// The mailbox for requests was written completely.
+    MailboxWritten,
+    /// The mailbox for answers was read completely.
+    MailboxRead,
+    /// The repeat request of the mailbox for answers was toggled.
     RepeatRequest,
-    /// Outputs are whole.
-    Outputs,
+    /// Outputs were written completely.
+    OutputsWritten,
 }
 
 /// Units of 40 ns in 100 us, less two: divider of the watchdogs after power-on.
@@ -58,8 +60,9 @@ const DEFAULT_DIVIDER: u16 = 2498;
 /// 100 ms in units of the divider, after power-on.
 const DEFAULT_WATCHDOG: u16 = 1000;
 
-/// Bit of the features: a distributed clock; and the bytes of its registers.
+/// Bit of the features (0x0008): a distributed clock.
 const HAS_CLOCK: u8 = 0x04;
+/// Registers of a distributed clock, from 0x0900 on \[byte\].
 const CLOCK: usize = 0x100;
 
 impl Controller {
@@ -77,12 +80,12 @@ impl Controller {
         Self { memory, clock, eeprom, watchdog, ports: [None; 4], events: Vec::new() }
     }
 
-    /// Configured station address.
-    pub fn station(&self) -> u16 {
+    /// Configured station address, register 0x0010; 0 before it is set.
+    pub fn station_address(&self) -> u16 {
         self.memory.u16(STATION_ADDRESS)
     }
 
-    /// Says which ports have a link: the first always, the second where a device follows.
+    /// Writes the data link status (0x0110): port 0 has a link, port 1 where a device follows.
     pub(crate) fn set_links(&mut self, is_last: bool) {
         let status: u16 = if is_last { 0x5610 | 1 } else { 0x5a30 | 1 };
         // an open port communicates, a port without a partner is closed
@@ -113,11 +116,11 @@ impl Controller {
         std::mem::take(&mut self.events)
     }
 
-    /// Whether there is all of a range: without a clock there are no registers of one.
+    /// Whether all of a range exists, `length` in bytes: without a clock its registers do not.
     fn has(&self, address: u16, length: usize) -> bool {
         let has_clock = self.memory.u8(FEATURES) & HAS_CLOCK != 0;
         self.memory.has(address, length)
-            && (has_clock || !touches(address, length, RECEIVE_TIME, CLOCK))
+            && (has_clock || !overlaps(address, length, RECEIVE_TIME, CLOCK))
     }
 
     /// Reads memory for the main device at the time `now` \[ns\]. Returns false if the read is refused, as of an
@@ -127,27 +130,27 @@ impl Controller {
         if !self.has(address, length) {
             return false;
         }
-        if touches(address, length, SYSTEM_TIME, 16) || touches(address, length, 0x0990, 8) {
-            self.clock.show(&mut self.memory, now);
+        if overlaps(address, length, SYSTEM_TIME, 16) || overlaps(address, length, 0x0990, 8) {
+            self.clock.update_registers(&mut self.memory, now);
         }
-        let mut fetched = None;
+        let mut emptied = None;
         if address >= PROCESS_MEMORY {
             for number in 0..sync_manager::COUNT {
                 let manager = SyncManager::of(&self.memory, number);
-                if !manager.touches(address, length) || !manager.is_mailbox() {
+                if !manager.overlaps(address, length) || !manager.is_mailbox() {
                     continue;
                 }
                 let is_ready = SyncManager::is_full(&self.memory, number);
                 if manager.is_written_by_main_device() || !is_ready {
                     return false;
                 }
-                fetched = manager.is_ended_by(address, length).then_some(number);
+                emptied = manager.is_completed_by(address, length).then_some(number);
             }
         }
         into.copy_from_slice(self.memory.bytes(address, length));
-        if let Some(number) = fetched {
+        if let Some(number) = emptied {
             SyncManager::set_full(&mut self.memory, number, false);
-            self.events.push(Event::Fetched);
+            self.events.push(Event::MailboxRead);
         }
         true
     }
@@ -163,55 +166,55 @@ impl Controller {
             self.write_registers(address, from, now);
             return true;
         }
-        let mut ended = None;
+        let mut completed = None;
         for number in 0..sync_manager::COUNT {
             let manager = SyncManager::of(&self.memory, number);
-            if !manager.touches(address, length) {
+            if !manager.overlaps(address, length) {
                 continue;
             }
             let is_full = manager.is_mailbox() && SyncManager::is_full(&self.memory, number);
             if !manager.is_written_by_main_device() || is_full {
                 return false;
             }
-            ended = manager.is_ended_by(address, length).then_some((number, manager));
+            completed = manager.is_completed_by(address, length).then_some((number, manager));
         }
         self.memory.set(address, from);
-        match ended {
+        match completed {
             Some((number, manager)) if manager.is_mailbox() => {
                 SyncManager::set_full(&mut self.memory, number, true);
-                self.events.push(Event::Request);
+                self.events.push(Event::MailboxWritten);
             }
             Some((_, manager)) => {
-                if manager.feeds_watchdog() {
-                    self.watchdog.feed(&mut self.memory, now);
+                if manager.triggers_watchdog() {
+                    self.watchdog.trigger(&mut self.memory, now);
                 }
-                self.events.push(Event::Outputs);
+                self.events.push(Event::OutputsWritten);
             }
             None => {}
         }
         true
     }
 
-    /// Registers, and what writing some of them does.
+    /// Writes registers, with their effects: clocks latch and follow, the EEPROM executes, a state is requested.
     fn write_registers(&mut self, address: u16, from: &[u8], now: u64) {
         let length = from.len();
         let repeat = self.memory.u8(SYNC_MANAGER + 8 + 6) & 2;
         self.memory.write(address, from);
-        let is_written = |register, bytes| touches(address, length, register, bytes);
+        let is_written = |register, bytes| overlaps(address, length, register, bytes);
         if is_written(RECEIVE_TIME, 1) {
             self.clock.latch(&mut self.memory, self.ports);
         }
         if is_written(SYSTEM_TIME, 1) {
-            self.clock.follow(&mut self.memory, from, now);
+            self.clock.correct(&mut self.memory, from, now);
         }
         if is_written(SYNC_ACTIVATION, 1) {
             self.clock.activate(&self.memory, now);
         }
         if is_written(EEPROM + 3, 1) {
-            self.eeprom.carry_out(&mut self.memory);
+            self.eeprom.execute(&mut self.memory);
         }
         if is_written(AL_CONTROL, 1) {
-            self.events.push(Event::StateRequest(self.memory.u8(AL_CONTROL)));
+            self.events.push(Event::AlControlWritten(self.memory.u8(AL_CONTROL)));
         }
         for number in 0..sync_manager::COUNT {
             let activation = SYNC_MANAGER + 8 * number + 6;
@@ -225,7 +228,7 @@ impl Controller {
     }
 
     /// Executes a datagram with a logical address through the FMMUs, at the time `now` \[ns\]. Returns the increment
-    /// of its working counter.
+    /// of its working counter: 1 for a read, 1 for a write, 2 for the write of a read-write, 0 without an FMMU.
     pub fn logical(&mut self, address: u32, access: Access, data: &mut [u8], now: u64) -> u16 {
         let (mut was_read, mut was_written) = (false, false);
         let units: Vec<Fmmu> =
@@ -245,13 +248,13 @@ impl Controller {
                 was_read = true;
             }
         }
-        let for_write = if access == Access::ReadWrite { 2 } else { 1 };
-        u16::from(was_read) + if was_written { for_write } else { 0 }
+        let write_increment = if access == Access::ReadWrite { 2 } else { 1 };
+        u16::from(was_read) + if was_written { write_increment } else { 0 }
     }
 }
 
-/// Whether two ranges share a byte.
-fn touches(address: u16, length: usize, register: u16, bytes: usize) -> bool {
+/// Whether two ranges of the memory, each with an address and a length \[byte\], share a byte.
+fn overlaps(address: u16, length: usize, register: u16, bytes: usize) -> bool {
     let (a, b) = (usize::from(address), usize::from(register));
     a < b + bytes && b < a + length
 }

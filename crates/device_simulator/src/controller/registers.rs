@@ -1,4 +1,4 @@
-//! Addresses of a controller's registers, and which of their bytes the main device may write.
+//! Addresses of a controller's registers (ETG.1000.4), and which of their bytes the main device may write.
 
 /// Device information: type, revision, build, number of FMMUs and sync managers, memory size, ports, features.
 pub const INFORMATION: u16 = 0x0000;

@@ -1,4 +1,5 @@
-//! Sync managers: memory that main device and application share, as a mailbox or as a buffer that is always free.
+//! Sync managers (ETG.1000.4): memory that main device and application share, as a mailbox or as a buffer that is
+//! always free.
 
 use super::memory::Memory;
 use super::registers::SYNC_MANAGER;
@@ -34,7 +35,7 @@ impl SyncManager {
         }
     }
 
-    /// Whether it is in mailbox mode; else in buffer mode.
+    /// Whether it is in mailbox mode (bits 0 and 1 of its control byte); else in buffer mode.
     pub fn is_mailbox(&self) -> bool {
         self.control & 0x03 == 0x02
     }
@@ -44,22 +45,22 @@ impl SyncManager {
         self.control & 0x0c == 0x04
     }
 
-    /// Whether writes to it trigger the process-data watchdog.
-    pub fn feeds_watchdog(&self) -> bool {
+    /// Whether writes to it trigger the process-data watchdog (bit 6 of its control byte).
+    pub fn triggers_watchdog(&self) -> bool {
         self.control & 0x40 != 0
     }
 
     /// Whether an access of `length` \[byte\] at `address` overlaps its memory, while it is enabled.
-    pub fn touches(&self, address: u16, length: usize) -> bool {
+    pub fn overlaps(&self, address: u16, length: usize) -> bool {
         let (a, b) = (usize::from(self.start), usize::from(self.start) + usize::from(self.length));
         let first = usize::from(address);
         self.is_enabled && self.length > 0 && first < b && first + length > a
     }
 
     /// Whether an access of `length` \[byte\] at `address` includes its last byte, which completes the exchange.
-    pub fn is_ended_by(&self, address: u16, length: usize) -> bool {
+    pub fn is_completed_by(&self, address: u16, length: usize) -> bool {
         let last = usize::from(self.start) + usize::from(self.length);
-        self.touches(address, length) && usize::from(address) + length >= last
+        self.overlaps(address, length) && usize::from(address) + length >= last
     }
 
     /// Whether the mailbox of this sync manager number is full.

@@ -1,4 +1,5 @@
-//! Process-data watchdog: expires where no whole frame of outputs came within its time.
+//! Process-data watchdog (ETG.1000.4, registers 0x0400, 0x0420, 0x0440): expires where no complete outputs came within
+//! its time.
 
 use super::memory::Memory;
 use super::registers::{
@@ -9,27 +10,28 @@ use super::registers::{
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Watchdog {
     /// When outputs came last \[ns\]; none before the first.
-    fed: Option<u64>,
+    last_trigger: Option<u64>,
+    /// Whether it has expired since then.
     expired: bool,
 }
 
 impl Watchdog {
-    /// Watchdog time by the registers \[ns\]; `None` if it is zero, switched off.
+    /// Watchdog time by the registers \[ns\]: 40 ns (divider + 2) times 0x0420; `None` if it is zero, switched off.
     pub fn time(memory: &Memory) -> Option<u64> {
         let unit = 40 * (u64::from(memory.u16(WATCHDOG_DIVIDER)) + 2);
         Some(unit * u64::from(memory.u16(WATCHDOG_PROCESS_DATA))).filter(|time| *time > 0)
     }
 
     /// Restarts the watchdog after complete outputs at the time `now` \[ns\].
-    pub fn feed(&mut self, memory: &mut Memory, now: u64) {
-        (self.fed, self.expired) = (Some(now), false);
+    pub fn trigger(&mut self, memory: &mut Memory, now: u64) {
+        (self.last_trigger, self.expired) = (Some(now), false);
         memory.set(WATCHDOG_STATUS, &[1, 0]);
     }
 
     /// Time of expiration \[ns\]; `None` if the watchdog does not run.
     pub fn due(&self, memory: &Memory) -> Option<u64> {
-        match (self.fed, self.expired) {
-            (Some(fed), false) => Some(fed + Self::time(memory)?),
+        match (self.last_trigger, self.expired) {
+            (Some(last_trigger), false) => Some(last_trigger + Self::time(memory)?),
             _ => None,
         }
     }

@@ -8,23 +8,23 @@ use crate::object_dictionary::{Abort, Key};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The device ignores this number of frames, so that working counters are too low.
-    Deaf(u32),
+    FramesIgnored(u32),
     /// The device falls back to SAFEOP with this AL status code.
     StateDrop(AlStatusCode),
     /// No SYNC0 pulses.
-    SyncMissing,
+    Sync0Missing,
     /// Additional drift of the device's clock \[ppb\].
     Drift(i64),
-    /// The device does not read its mailbox.
-    MailboxStuck,
+    /// The device does not read its mailbox, which stays full.
+    MailboxNotServed,
     /// SDO access to this object is aborted with this code.
     SdoAbort(Key, Abort),
-    /// The cable at a port (0 or 1) is damaged: one of so many frames is, which is counted, and is lost.
+    /// The cable at a port (0 or 1) damages frames at regular intervals; each is counted as an error, and lost.
     DamagedCable {
         /// Port.
         port: u8,
-        /// Frames of which one is damaged; 0 none.
-        one_of: u32,
+        /// Number of frames of which the last is damaged; 0 for no damage.
+        frames_per_error: u32,
     },
     /// The device sends this emergency message.
     Emergency(Emergency),

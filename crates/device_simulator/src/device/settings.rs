@@ -1,6 +1,6 @@
 //! Settings of a device: identity, memory layout and synchronisation.
 
-/// Identity of a device, as in object 0x1018 and in the EEPROM.
+/// Identity of a device, as in object 0x1018 and in words 8 to 15 of the EEPROM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Identity {
     /// Vendor ID.
@@ -28,7 +28,7 @@ pub struct Area {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Synchronisation {
     /// Whether it supports free run, without SYNC0.
-    pub may_run_free: bool,
+    pub supports_free_run: bool,
     /// Whether it supports SYNC0.
     pub has_sync0: bool,
     /// Whether it supports SYNC1 in addition.
@@ -36,25 +36,26 @@ pub struct Synchronisation {
     /// Base cycle time \[ns\]: shortest SYNC0 cycle, of which longer ones are multiples.
     pub base_cycle: u32,
     /// Set-up time \[ns\]: outputs must arrive this long before SYNC0.
-    pub set_up: u64,
+    pub set_up_time: u64,
     /// Limit of the counter of missed cycles, beyond which the device leaves OP. A missed cycle adds three, a good
     /// one subtracts one (as object 0x10F1:02 of many drives).
     pub missed_limit: u32,
-    /// Time for which the device waits in SAFEOP for SYNC0 and outputs until it refuses OP \[ns\].
-    pub patience: u64,
+    /// Time for which the device waits in SAFEOP for SYNC0 and outputs until it refuses OP \[ns\], with the AL status
+    /// code 0x002D or 0x0019.
+    pub op_timeout: u64,
 }
 
 impl Default for Synchronisation {
     /// Free run only.
     fn default() -> Self {
         Self {
-            may_run_free: true,
+            supports_free_run: true,
             has_sync0: false,
             has_sync1: false,
             base_cycle: 250_000,
-            set_up: 20_000,
+            set_up_time: 20_000,
             missed_limit: 4,
-            patience: 200_000_000,
+            op_timeout: 200_000_000,
         }
     }
 }
@@ -85,7 +86,7 @@ pub struct Settings {
     pub state_change_time: u64,
     /// Device emulation: the controller acknowledges requested states by itself, as in devices without an
     /// application.
-    pub is_emulated: bool,
+    pub has_device_emulation: bool,
 }
 
 impl Settings {
@@ -102,7 +103,7 @@ impl Settings {
             longest_watchdog: None,
             mailbox_time: 300_000,
             state_change_time: 1_000_000,
-            is_emulated: false,
+            has_device_emulation: false,
         }
     }
 
@@ -116,7 +117,7 @@ impl Settings {
     }
 }
 
-/// Control bytes of the sync managers of mailboxes: requests, answers.
+/// Control bytes (0x0804 + 8 n) of the sync managers of mailboxes: requests, answers.
 pub const MAILBOX_CONTROL: [u8; 2] = [0x26, 0x22];
 /// Control bytes of the sync managers of process data: outputs (with the watchdog), inputs.
 pub const PROCESS_DATA_CONTROL: [u8; 2] = [0x64, 0x20];

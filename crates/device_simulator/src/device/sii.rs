@@ -6,7 +6,7 @@
 use super::settings::{Area, MAILBOX_CONTROL, PROCESS_DATA_CONTROL, Settings};
 use crate::object_dictionary::ObjectDictionary;
 
-/// What the name of each simulated device ends with in its EEPROM, so that nobody takes it for a real one.
+/// Suffix of the name of each simulated device in its EEPROM, so that nobody takes it for a real one.
 const SIMULATED: &str = " (simulated)";
 /// Bytes before the first category.
 const CATEGORIES: usize = 0x80;
@@ -22,7 +22,10 @@ pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     // interface, of which a checksum is made: an application's bus, or 16 digital channels
     put(
         0,
-        &[if settings.is_emulated { 0x04 } else { 0x05 }, if settings.is_emulated { 1 } else { 0 }],
+        &[
+            if settings.has_device_emulation { 0x04 } else { 0x05 },
+            if settings.has_device_emulation { 1 } else { 0 },
+        ],
     );
     let identity = settings.identity;
     for (k, number) in [identity.vendor, identity.product, identity.revision, identity.serial]
@@ -46,7 +49,7 @@ pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     let name = format!("{}{SIMULATED}", settings.name);
     category(&mut bytes, 10, &strings(&[&name]));
     category(&mut bytes, 30, &general(settings));
-    category(&mut bytes, 40, &uses_of_fmmus(settings));
+    category(&mut bytes, 40, &fmmu_usages(settings));
     category(&mut bytes, 41, &sync_managers(settings));
     for (kind, assignment, area) in [(50, 0x1c13, settings.inputs), (51, 0x1c12, settings.outputs)]
     {
@@ -66,7 +69,7 @@ pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     bytes
 }
 
-/// CRC-8 of x^8 + x^2 + x + 1, begun with 0xff.
+/// Checksum of words 0 to 6: CRC-8 with x^8 + x^2 + x + 1, initial value 0xFF (ETG.1000.6).
 fn checksum(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0xff, |sum, byte| {
         (0..8).fold(sum ^ byte, |sum, _| if sum & 0x80 != 0 { sum << 1 ^ 0x07 } else { sum << 1 })
@@ -83,7 +86,7 @@ fn category(to: &mut Vec<u8>, kind: u16, data: &[u8]) {
     }
 }
 
-/// Strings, each with its length before it.
+/// Category 10: number of strings, then each with its length \[byte\] before it.
 fn strings(all: &[&str]) -> Vec<u8> {
     let mut bytes = vec![all.len() as u8];
     for text in all {
@@ -93,7 +96,7 @@ fn strings(all: &[&str]) -> Vec<u8> {
     bytes
 }
 
-/// General data: the name for group, image, order and device; SDO where there is a mailbox.
+/// Category 30, general data: the name for group, image, order and device; CoE details where there is a mailbox.
 fn general(settings: &Settings) -> Vec<u8> {
     let mut bytes = vec![0; 32];
     bytes[..4].fill(1);
@@ -104,14 +107,14 @@ fn general(settings: &Settings) -> Vec<u8> {
     bytes
 }
 
-/// What each FMMU is for: outputs, inputs, state of the mailbox.
-fn uses_of_fmmus(settings: &Settings) -> Vec<u8> {
-    let uses =
+/// Category 40, usage of each FMMU: 1 outputs, 2 inputs, 3 state of the mailbox.
+fn fmmu_usages(settings: &Settings) -> Vec<u8> {
+    let usages =
         [settings.outputs.map(|_| 1), settings.inputs.map(|_| 2), settings.mailbox.map(|_| 3)];
-    uses.into_iter().flatten().collect()
+    usages.into_iter().flatten().collect()
 }
 
-/// Each sync manager: memory, control, whether it is enabled, what it is for.
+/// Category 41, each sync manager: start, length, control, activation, type (1 to 4).
 fn sync_managers(settings: &Settings) -> Vec<u8> {
     let [request, answer] =
         settings.mailbox.map_or([None; 2], |[request, answer]| [Some(request), Some(answer)]);
@@ -136,7 +139,7 @@ fn sync_managers(settings: &Settings) -> Vec<u8> {
     (0..count).flat_map(bytes).collect()
 }
 
-/// The lists that are assigned after power-on, with their entries.
+/// Categories 50 and 51: the PDOs that are assigned after power-on, with their entries.
 fn process_data(dictionary: &ObjectDictionary, assignment: u16, area: Area) -> Vec<u8> {
     let mut bytes = Vec::new();
     for number in 1..=dictionary.unsigned((assignment, 0)) as u8 {
@@ -153,8 +156,8 @@ fn process_data(dictionary: &ObjectDictionary, assignment: u16, area: Area) -> V
     bytes
 }
 
-/// A mode of the distributed clock: what is to be written to 0x0980 and 0x0981; cycles and shifts are the main
-/// device's.
+/// Category 60, a mode of the distributed clock: AssignActivate, to be written to 0x0980 and 0x0981; cycles and shifts
+/// are the main device's.
 fn clock_mode(assign_activate: u16) -> Vec<u8> {
     let mut bytes = vec![0; 24];
     bytes[14..16].copy_from_slice(&assign_activate.to_le_bytes());

@@ -1,4 +1,4 @@
-//! State machine of a device (ESM): which states may be requested, and the checks of each transition.
+//! EtherCAT state machine (ESM, ETG.1000.6): which transitions are allowed, and the checks of each.
 
 use super::settings::{Area, MAILBOX_CONTROL, MODE_AND_DIRECTION, PROCESS_DATA_CONTROL, Settings};
 use crate::al_status_code::AlStatusCode;
@@ -36,7 +36,7 @@ impl State {
     }
 }
 
-/// Whether a change is allowed at all: a state up, or any down.
+/// Whether the state machine has a transition: one state up, or any number down.
 fn is_allowed(from: State, to: State) -> bool {
     to <= from
         || matches!(
@@ -73,7 +73,7 @@ pub fn check(
     }
 }
 
-/// The sync managers of the mailboxes are as the EEPROM states them.
+/// Sync managers of the mailboxes have to be those that the EEPROM states; else AL status code 0x0016.
 fn mailboxes(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     let Some(areas) = settings.mailbox else { return Ok(()) };
     for (area, control) in areas.into_iter().zip(MAILBOX_CONTROL) {
@@ -89,7 +89,8 @@ fn mailboxes(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     Ok(())
 }
 
-/// The mapping is allowed, and the sync managers have its length.
+/// The mapping has to be allowed, and sync managers have to have its length; else 0x0024, 0x0025, 0x0017, 0x001D or
+/// 0x001E.
 fn process_data(
     memory: &Memory,
     settings: &Settings,
@@ -120,63 +121,72 @@ fn process_data(
     Ok(())
 }
 
-/// A sync manager for process data of a length \[byte\].
+/// Checks a sync manager for process data of a length `bytes` \[byte\]; `mismatch` is the AL status code of a wrong
+/// address or length.
 fn buffer(
     memory: &Memory,
     area: Area,
     control: u8,
     bytes: usize,
-    otherwise: AlStatusCode,
+    mismatch: AlStatusCode,
 ) -> Result<(), AlStatusCode> {
     let manager = SyncManager::of(memory, area.sync_manager);
     if bytes == 0 {
-        return if manager.is_enabled && manager.length > 0 { Err(otherwise) } else { Ok(()) };
+        return if manager.is_enabled && manager.length > 0 { Err(mismatch) } else { Ok(()) };
     }
     if !manager.is_enabled || manager.control & MODE_AND_DIRECTION != control & MODE_AND_DIRECTION {
         return Err(AlStatusCode::InvalidSyncManager);
     }
     if manager.start != area.start || usize::from(manager.length) != bytes {
-        return Err(otherwise);
+        return Err(mismatch);
     }
     Ok(())
 }
 
-/// A watchdog that the device insists on.
+/// A watchdog that the device requires has to run, within its longest time; else 0x001F.
 fn watchdog(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
     let Some(longest) = settings.longest_watchdog else { return Ok(()) };
-    let is_fed = settings
+    let is_triggered = settings
         .outputs
-        .is_some_and(|area| SyncManager::of(memory, area.sync_manager).feeds_watchdog());
+        .is_some_and(|area| SyncManager::of(memory, area.sync_manager).triggers_watchdog());
     match Watchdog::time(memory) {
-        Some(time) if is_fed && time <= longest => Ok(()),
+        Some(time) if is_triggered && time <= longest => Ok(()),
         _ => Err(AlStatusCode::InvalidWatchdog),
     }
 }
 
-/// Object that states how outputs are synchronised: 0 free run, 1 by the frame, 2 by SYNC0, 3 by SYNC1.
+/// Synchronisation type of outputs (ETG.1020): 0 free run, 1 by the sync manager event, 2 by SYNC0, 3 by SYNC1.
 const SYNCHRONISATION_TYPE: (u16, u8) = (0x1c32, 1);
 
-/// SYNC0 and SYNC1 are what the device can do, with cycles that it takes.
+/// SYNC0 and SYNC1 have to be supported, with supported cycles; else 0x0027, 0x0030, 0x0035 (shorter than the
+/// shortest cycle), 0x0036 (no multiple of it) or 0x0037.
 fn synchronisation(
     memory: &Memory,
     settings: &Settings,
     dictionary: &ObjectDictionary,
 ) -> Result<(), AlStatusCode> {
-    let can = settings.synchronisation;
+    let supported = settings.synchronisation;
     let ([sync0, sync1], [cycle0, cycle1]) = DistributedClock::settings(memory);
     if !sync0 && !sync1 {
-        return if can.may_run_free { Ok(()) } else { Err(AlStatusCode::FreeRunNotSupported) };
+        return if supported.supports_free_run {
+            Ok(())
+        } else {
+            Err(AlStatusCode::FreeRunNotSupported)
+        };
     }
-    if !sync0 || !can.has_sync0 || sync1 && !can.has_sync1 {
+    if !sync0 || !supported.has_sync0 || sync1 && !supported.has_sync1 {
         return Err(AlStatusCode::InvalidSyncConfiguration);
     }
     if dictionary.object(SYNCHRONISATION_TYPE).is_ok() {
-        let wanted = if sync1 { 3 } else { 2 };
-        if dictionary.unsigned(SYNCHRONISATION_TYPE) != wanted {
+        let expected = if sync1 { 3 } else { 2 };
+        if dictionary.unsigned(SYNCHRONISATION_TYPE) != expected {
             return Err(AlStatusCode::InvalidSyncConfiguration);
         }
     }
-    if cycle0 < can.base_cycle || cycle0 % can.base_cycle != 0 {
+    if cycle0 < supported.base_cycle {
+        return Err(AlStatusCode::InvalidSyncCycle);
+    }
+    if cycle0 % supported.base_cycle != 0 {
         return Err(AlStatusCode::InvalidSync0Cycle);
     }
     // SYNC1 comes a time after SYNC0 that is shorter than its cycle, or a multiple of it

@@ -1,4 +1,4 @@
-//! Mailbox: a header of six bytes, and CANopen objects over it (CoE).
+//! Mailbox: a header of six bytes (ETG.1000.4), and CANopen over EtherCAT over it (CoE, ETG.1000.6).
 
 mod sdo_server;
 
@@ -24,10 +24,13 @@ pub enum Request {
     Malformed,
 }
 
-/// Services of CoE.
+/// Service of CoE (ETG.1000.6): emergency.
 const EMERGENCY: u8 = 1;
+/// SDO request; also the service of an abort.
 const SDO_REQUEST: u8 = 2;
+/// SDO response.
 const SDO_RESPONSE: u8 = 3;
+/// SDO information.
 const SDO_INFORMATION: u8 = 8;
 
 /// Parses a mailbox message.
@@ -45,7 +48,7 @@ pub fn request(bytes: &[u8]) -> Request {
     }
 }
 
-/// An answer of a service of CoE, with its counter (1 to 7).
+/// Mailbox message of a CoE service, with its mailbox counter (1 to 7).
 fn coe(service: u8, counter: u8, data: &[u8]) -> Vec<u8> {
     let mut bytes = ((data.len() + 2) as u16).to_le_bytes().to_vec();
     bytes.extend([0, 0, 0, COE | counter << 4, 0, service << 4]);
@@ -58,13 +61,13 @@ const ABORT: u8 = 4;
 
 /// Answer to an SDO request with a mailbox counter and the SDO part of the message. An abort has the service of a
 /// request: a main device that looks at the service first (SOEM) reads it as data otherwise.
-pub fn sdo_answer(counter: u8, data: &[u8]) -> Vec<u8> {
+pub fn sdo_response(counter: u8, data: &[u8]) -> Vec<u8> {
     let is_abort = data.first().is_some_and(|command| command >> 5 == ABORT);
     coe(if is_abort { SDO_REQUEST } else { SDO_RESPONSE }, counter, data)
 }
 
 /// Answer to an SDO information request: error, as the service is not supported.
-pub fn no_information(counter: u8) -> Vec<u8> {
+pub fn sdo_information_error(counter: u8) -> Vec<u8> {
     let abort = (crate::object_dictionary::Abort::UnsupportedAccess as u32).to_le_bytes();
     coe(SDO_INFORMATION, counter, &[&[7, 0, 0, 0], &abort[..]].concat())
 }
@@ -97,7 +100,7 @@ mod tests {
     /// ETG.1000.6: a response has service 3, an abort that of a request, 2.
     #[test]
     fn an_abort_has_the_service_of_a_request() {
-        let service = |command: u8| sdo_answer(1, &[command, 0x18, 0x10, 0, 0, 0, 0, 0])[7] >> 4;
+        let service = |command: u8| sdo_response(1, &[command, 0x18, 0x10, 0, 0, 0, 0, 0])[7] >> 4;
         assert_eq!([0x43, 0x60, 0x80].map(service), [3, 3, 2]);
     }
 }

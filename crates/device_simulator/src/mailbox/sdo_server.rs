@@ -1,18 +1,18 @@
-//! SDO server: expedited and normal upload and download, and abort. No segments: a value that does not fit the mailbox
-//! is refused.
+//! SDO server (ETG.1000.6): expedited and normal upload and download, and abort. No segments and no complete access: a
+//! value that does not fit the mailbox is refused.
 
 use crate::object_dictionary::{Abort, Key};
 
 /// Bytes before the data of a normal transfer: both headers, command, index, subindex, size.
-const BEFORE_DATA: usize = super::HEADERS + 8;
+const UPLOAD_OVERHEAD: usize = super::HEADERS + 8;
 
 /// Answers an SDO request by two functions of the object's key, `read` and `write`; `None` if there is no answer.
 ///
-/// The answer is the SDO part of a response: command, index, subindex, data. `room` is the length of the mailbox
-/// \[byte\].
+/// The answer is the SDO part of a response: command, index, subindex, data. `mailbox_length` is that of the mailbox
+/// for answers \[byte\].
 pub fn answer(
     request: &[u8],
-    room: usize,
+    mailbox_length: usize,
     read: impl FnOnce(Key) -> Result<Vec<u8>, Abort>,
     write: impl FnOnce(Key, &[u8]) -> Result<(), Abort>,
 ) -> Option<Vec<u8>> {
@@ -22,12 +22,12 @@ pub fn answer(
     let has_complete_access = command & 0x10 != 0;
     let result = match command >> 5 {
         _ if has_complete_access && matches!(command >> 5, 1 | 2) => Err(Abort::UnsupportedAccess),
-        1 => downloaded(request).and_then(|data| write(key, data)).map(|()| {
+        1 => download_data(request).and_then(|data| write(key, data)).map(|()| {
             let mut response = head(0x60);
             response.extend([0; 4]);
             response
         }),
-        2 => read(key).and_then(|value| uploaded(&value, room, head)),
+        2 => read(key).and_then(|value| upload_response(&value, mailbox_length, head)),
         // the client gives up: nothing is answered
         4 => return None,
         _ => Err(Abort::UnknownCommand),
@@ -39,8 +39,8 @@ pub fn answer(
     }))
 }
 
-/// The data of a download request.
-fn downloaded(request: &[u8]) -> Result<&[u8], Abort> {
+/// Data of a download request, expedited or normal.
+fn download_data(request: &[u8]) -> Result<&[u8], Abort> {
     let command = request[0];
     let (is_expedited, has_size) = (command & 2 != 0, command & 1 != 0);
     if is_expedited {
@@ -52,15 +52,19 @@ fn downloaded(request: &[u8]) -> Result<&[u8], Abort> {
     request.get(8..8usize.saturating_add(size)).ok_or(Abort::OutOfMemory)
 }
 
-/// The response to an upload request.
-fn uploaded(value: &[u8], room: usize, head: impl Fn(u8) -> Vec<u8>) -> Result<Vec<u8>, Abort> {
+/// Response to an upload request: expedited up to 4 bytes, else normal.
+fn upload_response(
+    value: &[u8],
+    mailbox_length: usize,
+    head: impl Fn(u8) -> Vec<u8>,
+) -> Result<Vec<u8>, Abort> {
     if value.len() <= 4 && !value.is_empty() {
         let mut response = head(0x43 | ((4 - value.len()) as u8) << 2);
         response.extend(value);
         response.resize(8, 0);
         return Ok(response);
     }
-    if BEFORE_DATA + value.len() > room {
+    if UPLOAD_OVERHEAD + value.len() > mailbox_length {
         return Err(Abort::OutOfMemory);
     }
     let mut response = head(0x41);

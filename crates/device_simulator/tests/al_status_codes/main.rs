@@ -6,7 +6,7 @@ use bare_main_device::{BWR, BareMainDevice, FRMW, LRW, STATION};
 use hydroboom_device_simulator::Segment;
 use hydroboom_device_simulator::al_status_code::AlStatusCode::{self, *};
 use hydroboom_device_simulator::applications::{
-    DriveSettings, ServoDrive, StiffMotor, VelocityUnit,
+    DriveSettings, IdealMotor, ServoDrive, VelocityUnit,
 };
 use hydroboom_device_simulator::controller::DistributedClock;
 use hydroboom_device_simulator::device::{Fault, Identity, Settings, State, Synchronisation};
@@ -31,7 +31,7 @@ fn drive_with(change: impl FnOnce(&mut Settings)) -> BareMainDevice {
         is_mapping_fixed: false,
     };
     let clock = DistributedClock::new(0, 0);
-    let device = ServoDrive::device(settings, drive, clock, Box::new(StiffMotor::default()));
+    let device = ServoDrive::device(settings, drive, clock, Box::new(IdealMotor::default()));
     BareMainDevice::new(Segment::new(vec![device]))
 }
 
@@ -168,7 +168,7 @@ fn a_wrong_watchdog_or_synchronisation_is_refused_with_its_code() {
         // SYNC1 alone; and 0x1C32 left at free run
         (2, 0x05, [cycle, 0], Some(InvalidSyncConfiguration)),
         (0, 0x03, [cycle, 0], Some(InvalidSyncConfiguration)),
-        (2, 0x03, [100_000, 0], Some(InvalidSync0Cycle)),
+        (2, 0x03, [100_000, 0], Some(InvalidSyncCycle)),
         (2, 0x03, [cycle + 1, 0], Some(InvalidSync0Cycle)),
         (3, 0x07, [cycle, cycle + 1], Some(InvalidSync1Cycle)),
     ] {
@@ -179,7 +179,8 @@ fn a_wrong_watchdog_or_synchronisation_is_refused_with_its_code() {
         let state = if expected.is_some() { State::PreOp } else { State::SafeOp };
         assert_eq!(main.request(4), (state, expected), "{kind} {activation:#x} {cycles:?}");
     }
-    let mut main = in_preop(drive_with(|settings| settings.synchronisation.may_run_free = false));
+    let mut main =
+        in_preop(drive_with(|settings| settings.synchronisation.supports_free_run = false));
     map(&mut main);
     assert_eq!(main.request(4), (State::PreOp, Some(FreeRunNotSupported)));
 }
@@ -238,7 +239,7 @@ fn operation_ends_by_watchdog_late_frames_and_missing_sync0() {
 
     let mut main = in_operation(true);
     let now = main.now;
-    main.segment.devices_mut()[0].inject(Fault::SyncMissing, now);
+    main.segment.devices_mut()[0].inject(Fault::Sync0Missing, now);
     for _ in 0..10 {
         exchange(&mut main, &[0; 7]);
     }
@@ -270,7 +271,7 @@ fn the_mailbox_takes_values_and_refuses_with_an_abort_code() {
     // complete access is not there
     assert_eq!(main.transfer(&[0x50, 0x18, 0x10, 0, 0, 0, 0, 0])[0], 0x80);
     // a mailbox that is not read stays full
-    main.segment.devices_mut()[0].inject(Fault::MailboxStuck, now);
+    main.segment.devices_mut()[0].inject(Fault::MailboxNotServed, now);
     assert!(main.write(0x1000, &[0; 128]));
     main.wait(10_000_000);
     assert!(!main.write(0x1000, &[0; 128]));
@@ -325,7 +326,7 @@ fn clocks_follow_the_reference_clock_and_receive_times_give_delays() {
             is_mapping_fixed: false,
         };
         let clock = DistributedClock::new(777_777, drift);
-        ServoDrive::device(settings, drive, clock, Box::new(StiffMotor::default()))
+        ServoDrive::device(settings, drive, clock, Box::new(IdealMotor::default()))
     };
     let segment = Segment::new(vec![device(0), device(30_000)]).with_delays(&[100, 800]);
     let mut main = BareMainDevice::new(segment);

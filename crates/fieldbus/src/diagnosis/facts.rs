@@ -3,23 +3,23 @@
 use crate::check::DeviceFacts;
 use crate::statistics::Histogram;
 
-/// Ports of a device.
+/// Ports of a device controller (ETG.1000.4).
 pub const PORTS: usize = 4;
 
-/// Error counters of a device (registers 0x0300 to 0x0313). They stop at 255, and begin at power-on.
+/// Error counters of a device (ETG.1000.4, registers 0x0300 to 0x0313). They begin at power-on and stop at 255.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ErrorCounters {
-    /// Invalid frames (wrong check sum), at each port.
+    /// Invalid frames (wrong check sequence), at each port: 0x0300 + 2 n.
     pub invalid_frames: [u8; PORTS],
-    /// Receive errors of the physical layer, at each port.
+    /// Receive errors of the physical layer, at each port: 0x0301 + 2 n.
     pub receive_errors: [u8; PORTS],
-    /// Forwarded errors: damaged frames that a device before has counted already, at each port.
+    /// Forwarded errors: damaged frames that a device before has counted already, at each port: 0x0308 + n.
     pub forwarded: [u8; PORTS],
-    /// Errors of the EtherCAT processing unit.
+    /// Errors of the EtherCAT processing unit, 0x030C.
     pub processing_unit: u8,
-    /// Errors of the process data interface (PDI) to the application.
+    /// Errors of the process data interface (PDI) to the application, 0x030D.
     pub application: u8,
-    /// Lost links, at each port.
+    /// Lost links, at each port: 0x0310 + n.
     pub lost_links: [u8; PORTS],
 }
 
@@ -48,7 +48,7 @@ impl ErrorCounters {
 /// A device as it was found in the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineDevice {
-    /// Vendor, product and revision of its EEPROM; none where that could not be read.
+    /// Vendor ID, product code and revision number of its EEPROM; none where that could not be read.
     pub identity: Option<[u32; 3]>,
     /// Register 0x0110: links, loops and communication of its ports.
     pub ports: u16,
@@ -65,7 +65,7 @@ pub struct LineDevice {
 }
 
 impl LineDevice {
-    /// Whether a port has a link.
+    /// Whether a port, 0 to 3, has a physical link (bits 4 to 7 of 0x0110).
     pub fn has_link(&self, port: usize) -> bool {
         self.ports >> (4 + port) & 1 != 0
     }
@@ -74,24 +74,24 @@ impl LineDevice {
 /// A sync manager for process data from the main device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SyncManager {
-    /// Number.
+    /// Number, from 0; its registers begin at 0x0800 + 8 n.
     pub number: u16,
     /// Whether it triggers the process-data watchdog (bit 6 of its control byte).
-    pub feeds_watchdog: bool,
+    pub triggers_watchdog: bool,
 }
 
 /// How a device is set up, after the table's values were written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SetUp {
-    /// Time of a frame from the reference clock to the device \[ns\]; 0 without a clock.
+    /// Propagation delay from the reference clock to the device (0x0928) \[ns\]; 0 without a clock.
     pub delay: u32,
     /// Process-data watchdog by registers 0x0400 and 0x0420 \[ns\]; 0 is switched off.
     pub watchdog: Option<u64>,
     /// PDI watchdog by registers 0x0400 and 0x0410 \[ns\]; 0 is switched off.
     pub application_watchdog: Option<u64>,
-    /// Registers 0x0980 and 0x0981, once clocks are set up.
+    /// Registers 0x0980 (owner of the SYNC unit) and 0x0981 (activation); none before clocks are set up.
     pub activation: Option<[u8; 2]>,
-    /// Synchronisation types, 0x1C32:01 and 0x1C33:01.
+    /// Synchronisation types of outputs (0x1C32:01) and inputs (0x1C33:01), by ETG.1020; none without the object.
     pub sync_types: [Option<u16>; 2],
     /// Cycle time, 0x1C32:02 \[ns\].
     pub cycle: Option<u32>,
@@ -99,15 +99,16 @@ pub struct SetUp {
     pub shortest_cycle: Option<u32>,
     /// Calc and copy time, 0x1C32:06: time by which outputs have to arrive before SYNC0 \[ns\].
     pub calc_and_copy: Option<u32>,
-    /// Bytes of outputs and of inputs, by its sync managers.
+    /// Outputs and inputs by its sync managers \[byte\].
     pub sizes: Option<[usize; 2]>,
     /// Sync managers of outputs, in SAFEOP.
     pub output_managers: Vec<SyncManager>,
-    /// Difference of its clock from the reference, register 0x092C \[ns\], after listening.
+    /// Difference of its system time from the reference, register 0x092C \[ns\], after the exchange of frames;
+    /// negative where it is behind.
     pub clock_difference: Option<i64>,
 }
 
-/// Percentiles of a distribution \[ns\].
+/// Percentiles of a distribution of times \[ns\]; all 0 without a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Percentiles {
     /// Smallest.
@@ -123,6 +124,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
+    /// Percentiles of a histogram \[ns\].
     pub(crate) fn of(times: &Histogram) -> Self {
         let at = |share: f64| times.value_at_quantile(share);
         Self { min: times.min(), p1: at(0.01), p50: at(0.5), p99: at(0.99), max: times.max() }
@@ -162,7 +164,7 @@ pub struct Listening {
     pub period: Percentiles,
 }
 
-/// Facts of a bus.
+/// Facts of a bus, as far as the diagnosis came; fields of later stages are empty or none before them.
 #[derive(Clone, Debug, Default)]
 pub struct BusFacts {
     /// The devices, in their order.

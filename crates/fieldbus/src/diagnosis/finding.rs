@@ -79,10 +79,12 @@ pub struct Finding {
 }
 
 impl Finding {
+    /// A finding that prevents operation.
     pub(crate) fn error(stage: Stage, cause: String, advice: impl Into<String>) -> Self {
         Self { severity: Severity::Error, stage, cause, advice: advice.into() }
     }
 
+    /// A finding with which the bus runs.
     pub(crate) fn warning(stage: Stage, cause: String, advice: impl Into<String>) -> Self {
         Self { severity: Severity::Warning, stage, cause, advice: advice.into() }
     }

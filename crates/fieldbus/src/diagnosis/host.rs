@@ -3,7 +3,7 @@
 //! Sources: `/sys/class/net`, `/proc/interrupts`, `/proc/PID/stat`, and `ethtool -c`, as the card's own coalescing is
 //! in no file. What cannot be read is a remark, and is no finding.
 
-use crate::interface::described_by_system;
+use crate::interface::sysfs_directory;
 use nix::net::if_::if_nametoindex;
 use std::fs;
 use std::path::Path;
@@ -43,7 +43,7 @@ impl HostFacts {
         let mut facts = Self { interface: interface.into(), ..Self::default() };
         let folder = if_nametoindex(interface)
             .ok()
-            .and_then(|index| described_by_system(interface, index as usize));
+            .and_then(|index| sysfs_directory(interface, index as usize));
         let Some(folder) = folder else {
             let remark = "/sys/class/net does not show it (another network namespace?): coalescing and interrupt \
                           priority were not read";
@@ -60,9 +60,9 @@ impl HostFacts {
             return facts;
         }
         match Command::new("ethtool").args(["-c", interface]).output() {
-            Ok(said) if said.status.success() => {
-                let said = String::from_utf8_lossy(&said.stdout);
-                (facts.gathering_us, facts.is_adaptive) = coalescing(&said);
+            Ok(output) if output.status.success() => {
+                let output = String::from_utf8_lossy(&output.stdout);
+                (facts.gathering_us, facts.is_adaptive) = coalescing(&output);
             }
             _ => facts.remarks.push(format!(
                 "coalescing of the network card was not read: read it with ethtool -c {interface}"
@@ -79,9 +79,9 @@ impl HostFacts {
 }
 
 /// Receive coalescing time \[us\], and whether it is adaptive, from the output of `ethtool -c`.
-fn coalescing(said: &str) -> (Option<u64>, Option<bool>) {
+fn coalescing(output: &str) -> (Option<u64>, Option<bool>) {
     let after = |key: &str| {
-        said.lines().find_map(|line| line.trim().strip_prefix(key)?.split_whitespace().next())
+        output.lines().find_map(|line| line.trim().strip_prefix(key)?.split_whitespace().next())
     };
     let us = after("rx-usecs:").and_then(|us| us.parse().ok());
     // Adaptive RX: off  TX: off
@@ -107,6 +107,7 @@ fn numbers_of(interrupts: &str, interface: &str) -> Vec<String> {
     interrupts.lines().filter_map(number).collect()
 }
 
+/// Names of the entries of a folder; none where it cannot be read.
 fn names_in(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()
@@ -144,9 +145,9 @@ mod tests {
 
     #[test]
     fn coalescing_is_read_of_what_ethtool_says() {
-        let said = "Coalesce parameters for eth1:\nAdaptive RX: off  TX: off\nstats-block-usecs: n/a\n\n\
+        let output = "Coalesce parameters for eth1:\nAdaptive RX: off  TX: off\nstats-block-usecs: n/a\n\n\
                     rx-usecs: 3\nrx-frames: 0\nrx-usecs-irq: 9\n";
-        assert_eq!(coalescing(said), (Some(3), Some(false)));
+        assert_eq!(coalescing(output), (Some(3), Some(false)));
         assert_eq!(coalescing("Adaptive RX: on  TX: on\nrx-usecs: n/a\n"), (None, Some(true)));
         assert_eq!(coalescing("netlink error: Operation not supported\n"), (None, None));
     }

@@ -16,7 +16,7 @@ use ethercrab::subdevice_group::SafeOp;
 const CYCLES: u64 = 500;
 
 /// Times and working counter of one exchange.
-struct Exchanged {
+struct ExchangeResult {
     /// When it was sent \[ns\].
     sent: u64,
     /// When it passed the reference clock, by that clock \[ns\], and its working counter; none where it was lost.
@@ -36,7 +36,7 @@ pub(crate) fn listen<L: Link>(
     let mut phases = margin.clone();
     let window = || LossWindow::new(bus.lost_max, bus.window);
     let (mut lost, mut late) = (window(), window());
-    let mut seen = Listening {
+    let mut statistics = Listening {
         cycles: CYCLES,
         working_counter: table.devices.iter().map(|row| row.working_counter()).sum(),
         ..Listening::default()
@@ -47,8 +47,8 @@ pub(crate) fn listen<L: Link>(
         for number in 0..bus.exchanges {
             let due = if number == 0 { pace.next_exchange() } else { pace.in_cycle(bus.send) };
             wire.link.wait(due);
-            let Exchanged { sent, answer } = exchange(wire, group, &mut pace, table);
-            seen.exchanges += 1;
+            let ExchangeResult { sent, answer } = exchange(wire, group, &mut pace, table);
+            statistics.exchanges += 1;
             if number == 0 {
                 late_by.saturating_record(sent.saturating_sub(due).max(1));
                 if let Some(before) = before.replace(sent) {
@@ -56,12 +56,12 @@ pub(crate) fn listen<L: Link>(
                 }
             }
             let Some((passed, counter)) = answer else {
-                (seen.lost, is_lost) = (seen.lost + 1, true);
+                (statistics.lost, is_lost) = (statistics.lost + 1, true);
                 continue;
             };
             round_trip.saturating_record(now().saturating_sub(sent).max(1));
-            if counter != seen.working_counter {
-                (seen.low, seen.low_counter) = (seen.low + 1, counter);
+            if counter != statistics.working_counter {
+                (statistics.low, statistics.low_counter) = (statistics.low + 1, counter);
             }
             let begin = *begin.get_or_insert(passed - passed % bus.period);
             if number == 0 {
@@ -71,12 +71,14 @@ pub(crate) fn listen<L: Link>(
             if number + 1 == bus.exchanges {
                 match (begin + bus.period).checked_sub(passed) {
                     Some(left) => margin.saturating_record(left.max(1)),
-                    None => (seen.late_outputs, is_late) = (seen.late_outputs + 1, true),
+                    None => {
+                        (statistics.late_outputs, is_late) = (statistics.late_outputs + 1, true)
+                    }
                 }
             }
         }
-        seen.has_too_many_lost |= lost.take(is_lost);
-        seen.has_too_many_late |= late.take(is_late);
+        statistics.has_too_many_lost |= lost.record(is_lost);
+        statistics.has_too_many_late |= late.record(is_late);
     }
     Some(Listening {
         margin: Percentiles::of(&margin),
@@ -84,21 +86,22 @@ pub(crate) fn listen<L: Link>(
         round_trip: Percentiles::of(&round_trip),
         late_by: Percentiles::of(&late_by),
         period: Percentiles::of(&periods),
-        ..seen
+        ..statistics
     })
 }
 
+/// Exchanges process data once, until the deadline of the answer, and updates the estimate of SYNC0.
 fn exchange<L: Link>(
     wire: &mut Wire<L>,
     group: &Devices<SafeOp>,
     pace: &mut Pace,
     table: &Table,
-) -> Exchanged {
+) -> ExchangeResult {
     let main = wire.main;
     let sent = now();
-    let end = pace.answer_end(sent, &table.bus, MARGIN);
+    let end = pace.answer_deadline(sent, &table.bus, MARGIN);
     let answer = wire.run_until(group.tx_rx_dc(main), end).and_then(Result::ok);
-    pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+    pace.update(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
     let answer = answer.map(|answer| (answer.extra.dc_system_time, answer.working_counter));
-    Exchanged { sent, answer }
+    ExchangeResult { sent, answer }
 }

@@ -58,10 +58,10 @@ pub fn diagnose<L: Link>(table: &Table, link: L, host: HostFacts) -> Result<Diag
     };
     let mut wire = Wire::new(link, config, FrameRing::of(table))
         .map_err(|error| format!("the main device could not be made: {error}"))?;
-    let mut bus = BusFacts { line: scan::line(&mut wire), ..BusFacts::default() };
+    let mut bus = BusFacts { line: scan::read_line(&mut wire), ..BusFacts::default() };
     if !bus.line.is_empty() {
         set_up::examine(&mut wire, table, &mut bus);
-        scan::again(&mut wire, &mut bus.line);
+        scan::read_again(&mut wire, &mut bus.line);
         to_init(&mut wire, table.bus.period);
     }
     Ok(Diagnosis { findings: findings(table, &bus, &host), bus, host })

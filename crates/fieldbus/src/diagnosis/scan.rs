@@ -8,28 +8,32 @@ use ethercrab::error::Error;
 use ethercrab::{Command, EtherCrabWireRead, EtherCrabWireSized, RegisterAddress};
 
 /// Largest number of devices that are scanned.
-const MOST: u16 = 64;
-/// Registers of the error counters.
+pub(super) const MOST_POSITIONS: u16 = 64;
+/// First register of the error counters (ETG.1000.4).
 const ERROR_COUNTERS: u16 = 0x0300;
-/// Registers of the EEPROM interface: owner, command with address, data.
+/// Registers of the EEPROM interface (ETG.1000.4): owner.
 const EEPROM_OWNER: u16 = 0x0500;
+/// Control and status, with the word address behind it.
 const EEPROM_CONTROL: u16 = 0x0502;
+/// Data that were read.
 const EEPROM_DATA: u16 = 0x0508;
-/// Owner: access is first taken from the application, then given to the main device.
-const TAKEN: u8 = 2;
-const MAIN_DEVICE: u8 = 0;
-/// Read command, and the busy bit.
+/// Owner: access is first taken from the application.
+const FORCE_RELEASE: u8 = 2;
+/// Access is given to the main device.
+const ASSIGN_TO_MAIN_DEVICE: u8 = 0;
+/// Command: read.
 const READ: u16 = 0x0100;
+/// Bit of the status: the command is not done.
 const IS_BUSY: u16 = 0x8000;
 /// Time that a word of the EEPROM takes at most \[ns\].
-const UNTIL_WORD: u64 = 20_000_000;
+const WORD_TIMEOUT: u64 = 20_000_000;
 /// Words of vendor, product and revision in the EEPROM (ETG.1000.6).
-const IDENTITY: [u16; 3] = [8, 10, 12];
+const IDENTITY_WORDS: [u16; 3] = [8, 10, 12];
 
 /// The devices by position; the first position without an answer ends the line.
-pub(crate) fn line<L: Link>(wire: &mut Wire<L>) -> Vec<LineDevice> {
+pub(crate) fn read_line<L: Link>(wire: &mut Wire<L>) -> Vec<LineDevice> {
     let mut line = Vec::new();
-    for position in 0..MOST {
+    for position in 0..MOST_POSITIONS {
         let Ok(mut device) = registers(wire, position) else { break };
         device.identity = identity(wire, position).ok();
         line.push(device);
@@ -38,7 +42,7 @@ pub(crate) fn line<L: Link>(wire: &mut Wire<L>) -> Vec<LineDevice> {
 }
 
 /// Reads counters and states again, at the end.
-pub(crate) fn again<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
+pub(crate) fn read_again<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
     for (position, device) in (0..).zip(line) {
         let after = registers(wire, position).ok();
         device.errors_after = after.map(|after| after.errors);
@@ -48,7 +52,7 @@ pub(crate) fn again<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
 }
 
 /// Reads AL status and AL status code of each device.
-pub(crate) fn states<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
+pub(crate) fn read_states<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
     for (position, device) in (0..).zip(line) {
         let state = read(wire, position, RegisterAddress::AlStatus.into());
         let code = read(wire, position, RegisterAddress::AlStatusCode.into());
@@ -56,6 +60,7 @@ pub(crate) fn states<L: Link>(wire: &mut Wire<L>, line: &mut [LineDevice]) {
     }
 }
 
+/// Ports, AL status, AL status code and error counters of the device at a position.
 fn registers<L: Link>(wire: &mut Wire<L>, position: u16) -> Result<LineDevice, Error> {
     let counters: [u8; 20] = read(wire, position, ERROR_COUNTERS)?;
     Ok(LineDevice {
@@ -77,18 +82,18 @@ pub(crate) fn read<L: Link, T: EtherCrabWireRead + EtherCrabWireSized>(
     wire.run(Command::aprd(position, register).receive(main))
 }
 
-/// Vendor, product and revision.
+/// Vendor ID, product code and revision number in the EEPROM of the device at a position.
 fn identity<L: Link>(wire: &mut Wire<L>, position: u16) -> Result<[u32; 3], Error> {
     let main = wire.main;
-    for owner in [TAKEN, MAIN_DEVICE] {
+    for owner in [FORCE_RELEASE, ASSIGN_TO_MAIN_DEVICE] {
         wire.run(Command::apwr(position, EEPROM_OWNER).send(main, owner))?;
     }
     let mut numbers = [0; 3];
-    for (number, word) in numbers.iter_mut().zip(IDENTITY) {
+    for (number, word) in numbers.iter_mut().zip(IDENTITY_WORDS) {
         let ([low, high], [first, second]) = (READ.to_le_bytes(), word.to_le_bytes());
         let command = [low, high, first, second, 0, 0];
         wire.run(Command::apwr(position, EEPROM_CONTROL).send(main, command))?;
-        let end = now() + UNTIL_WORD;
+        let end = now() + WORD_TIMEOUT;
         while read::<_, u16>(wire, position, EEPROM_CONTROL)? & IS_BUSY != 0 {
             if now() > end {
                 return Err(Error::Internal);

@@ -3,14 +3,18 @@
 //! It is read from a file of its own ([`Table::parse`]) and checked there; the data that the devices report
 //! are compared with it at start-up ([`check`](crate::check)).
 
+mod device;
+mod drive;
 mod file;
 mod problem;
 mod scale;
+mod schema;
+mod signal;
 
 pub use problem::TableError;
 pub use scale::{NumberType, Scale};
 
-/// The whole table.
+/// The whole table, checked: lists are consistent with one another, and quantities are in SI units or \[ns\].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// Cycle and limits.
@@ -28,7 +32,7 @@ pub struct Table {
 /// Cycle of the bus, and the number of losses that it tolerates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusSettings {
-    /// Period, which is that of control and of SYNC0 \[ns\].
+    /// Period, which is that of control and of SYNC0 \[ns\], 0.25 to 10 ms.
     pub period: u64,
     /// Exchanges in a period: two, and a command acts one period after its measurement; or one, and it acts two
     /// periods after.
@@ -58,7 +62,7 @@ impl BusSettings {
         brake: 0,
     };
 
-    /// Periods from sampling to actuation.
+    /// Periods from sampling at SYNC0 to actuation at SYNC0: 1 with two exchanges, 2 with one.
     pub fn delay(&self) -> u32 {
         3 - self.exchanges
     }
@@ -74,7 +78,7 @@ impl BusSettings {
 /// Synchronisation of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sync {
-    /// Without SYNC signals: by the sync manager event, or free run.
+    /// Without SYNC signals: by the sync manager event, or free run (ETG.1020).
     None,
     /// By SYNC0 (activation 0x0300).
     Sync0,
@@ -93,7 +97,7 @@ impl Sync {
     }
 }
 
-/// One entry of process data: index, subindex, bits; index 0 is a gap.
+/// One entry of a PDO, as a mapping object has it (ETG.1000.6): index, subindex, bits; index 0 is a gap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// Index.
@@ -113,7 +117,7 @@ impl std::fmt::Display for Entry {
     }
 }
 
-/// A list of process data (PDO), with its entries in order.
+/// Process data object (PDO): a mapping object with its entries in order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pdo {
     /// Index of the mapping object, 0x1600 or 0x1A00 and up.
@@ -122,7 +126,7 @@ pub struct Pdo {
     pub entries: Vec<Entry>,
 }
 
-/// A value that is written by SDO before process data begin.
+/// Start-up SDO: a value that is written in PREOP, before process data begin.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StartUp {
     /// Index.
@@ -131,34 +135,34 @@ pub struct StartUp {
     pub sub: u8,
     /// Type of the object.
     pub kind: NumberType,
-    /// Value.
+    /// Value, within the range of its type.
     pub value: i64,
-    /// Why.
+    /// Why it is written, for messages.
     pub reason: String,
 }
 
-/// A device.
+/// Row of a device: its identity, and how it is set up.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DeviceRow {
     /// Name, in messages and for the signals.
     pub name: String,
-    /// Vendor ID.
+    /// Vendor ID, 0x1018:01.
     pub vendor: u32,
-    /// Product code.
+    /// Product code, 0x1018:02.
     pub product: u32,
-    /// Lowest and highest revision.
+    /// Lowest and highest revision number, 0x1018:03.
     pub revision: [u32; 2],
-    /// Process-data watchdog \[ns\]; none: the device's own setting is kept.
+    /// Process-data watchdog (0x0420) \[ns\], two periods to 6.5 s; none: the device's own setting is kept.
     pub watchdog: Option<u64>,
     /// Synchronisation.
     pub sync: Sync,
     /// Whether PDOs that differ are written; if not, they are a mismatch.
     pub is_mapping_written: bool,
-    /// Values that are written by SDO at start-up.
+    /// Start-up SDOs, in the order in which they are written.
     pub start_up: Vec<StartUp>,
-    /// Outputs (RxPDO).
+    /// Outputs (RxPDO), in the order of 0x1C12.
     pub outputs: Vec<Pdo>,
-    /// Inputs (TxPDO).
+    /// Inputs (TxPDO), in the order of 0x1C13.
     pub inputs: Vec<Pdo>,
 }
 
@@ -173,7 +177,7 @@ impl DeviceRow {
         bytes(&self.inputs)
     }
 
-    /// Contribution to the working counter of an exchange: two for outputs, one for inputs.
+    /// Contribution to the working counter of an exchange by LRW: two for outputs, one for inputs (IEC 61158-4-12).
     pub fn working_counter(&self) -> u16 {
         2 * u16::from(self.output_bytes() > 0) + u16::from(self.input_bytes() > 0)
     }
@@ -184,26 +188,26 @@ fn bytes(lists: &[Pdo]) -> usize {
     bits.sum::<usize>().div_ceil(8)
 }
 
-/// Where a value lies in a device's process data.
+/// Location of a value in the inputs or the outputs of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Number of the device.
+    /// Position of the device.
     pub device: usize,
-    /// First bit, from the beginning of its inputs or outputs.
+    /// First bit, from the beginning of its inputs or outputs; bit 0 is the lowest of the first byte.
     pub bit: usize,
     /// Length \[bit\].
     pub bits: u8,
 }
 
 impl Place {
-    /// The value there, without a sign; zero beyond the end.
+    /// The value there, without a sign; bits beyond the end of `bytes` are zero.
     pub fn read(&self, bytes: &[u8]) -> u64 {
         let bit =
             |k: usize| bytes.get((self.bit + k) / 8).map_or(0, |b| b >> ((self.bit + k) % 8) & 1);
         (0..usize::from(self.bits.min(64))).fold(0, |sum, k| sum | u64::from(bit(k)) << k)
     }
 
-    /// Writes a value there; bits beyond the length are cut off.
+    /// Writes a value there; bits beyond its length or the end of `bytes` are left out.
     pub fn write(&self, bytes: &mut [u8], value: u64) {
         for k in 0..usize::from(self.bits.min(64)) {
             let at = self.bit + k;
@@ -216,7 +220,7 @@ impl Place {
 
 /// Status bits of an input: a condition that holds while the masked bits equal a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bits {
+pub struct BitCondition {
     /// The input.
     pub place: Place,
     /// The bits.
@@ -225,7 +229,7 @@ pub struct Bits {
     pub value: u64,
 }
 
-impl Bits {
+impl BitCondition {
     /// Whether the condition holds.
     pub fn is_set(&self, bytes: &[u8]) -> bool {
         self.place.read(bytes) & self.mask == self.value
@@ -244,17 +248,17 @@ pub enum Invalid {
 /// A measured signal of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredRow {
-    /// Axis.
+    /// Axis, from 0.
     pub axis: usize,
     /// Which of the axis's signals, by its place in [`MEASURED`]; that after the last: the position switch of the
     /// load-holding valve, 1 open.
     pub signal: usize,
-    /// Where it lies in the inputs.
+    /// Location in the inputs.
     pub place: Place,
     /// Counts to SI units.
     pub scale: Scale,
-    /// Bits that make it invalid.
-    pub invalid: Vec<(Bits, Invalid)>,
+    /// Conditions under which it is invalid; the most severe one counts.
+    pub invalid: Vec<(BitCondition, Invalid)>,
     /// Where the factor is from.
     pub provenance: String,
 }
@@ -262,11 +266,11 @@ pub struct MeasuredRow {
 /// A commanded signal of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CommandedRow {
-    /// Axis.
+    /// Axis, from 0.
     pub axis: usize,
     /// Which of the axis's commands, by its place in [`COMMANDED`].
     pub signal: usize,
-    /// Where it lies in the outputs.
+    /// Location in the outputs.
     pub place: Place,
     /// Counts to SI units.
     pub scale: Scale,
@@ -292,9 +296,9 @@ pub const COMMANDED: [&str; 2] = ["motor_speed_rev_per_s", "holding_valve"];
 /// A drive by CiA 402, and the places of its objects in the process data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveRow {
-    /// Number of the device.
+    /// Position of the device.
     pub device: usize,
-    /// Axis whose motor it is.
+    /// Axis whose motor it is, from 0.
     pub axis: usize,
     /// Controlword, 0x6040.
     pub controlword: Place,
@@ -306,8 +310,8 @@ pub struct DriveRow {
     pub statusword: Place,
     /// Mode of operation display, 0x6061.
     pub mode_display: Place,
-    /// Error code, 0x603F.
+    /// Error code, 0x603F; none where it is not mapped.
     pub error: Option<Place>,
-    /// Bits that report an open stop circuit (safe torque off).
-    pub stop_circuit: Option<Bits>,
+    /// Condition of an open stop circuit (safe torque off); none where the drive does not report it.
+    pub stop_circuit: Option<BitCondition>,
 }

@@ -21,8 +21,10 @@ impl std::error::Error for TableError {}
 /// A part of a key: a name, or a place in a list.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Part {
+    /// Name of a key.
     Name(&'static str),
-    At(usize),
+    /// Place in a list, from 0.
+    Index(usize),
 }
 
 impl From<&'static str> for Part {
@@ -33,22 +35,26 @@ impl From<&'static str> for Part {
 
 impl From<usize> for Part {
     fn from(at: usize) -> Self {
-        Self::At(at)
+        Self::Index(at)
     }
 }
 
 /// Collects problems of a file.
 pub(super) struct Problems<'a> {
+    /// Name of the file, for messages.
     file: &'a str,
+    /// Text of the file, in which lines are looked up.
     text: &'a str,
     /// Names around the table in its file.
-    around: &'static [&'static str],
-    found: Vec<String>,
+    prefix: &'static [&'static str],
+    /// Problems so far, one sentence each.
+    sentences: Vec<String>,
 }
 
 impl<'a> Problems<'a> {
-    pub(super) fn new(file: &'a str, text: &'a str, around: &'static [&'static str]) -> Self {
-        Self { file, text, around, found: Vec::new() }
+    /// No problems of a file with this name and text; `prefix` are the tables around its keys.
+    pub(super) fn new(file: &'a str, text: &'a str, prefix: &'static [&'static str]) -> Self {
+        Self { file, text, prefix, sentences: Vec::new() }
     }
 
     /// A syntax error of TOML, whose message contains the line.
@@ -58,10 +64,10 @@ impl<'a> Problems<'a> {
 
     /// A problem of a key.
     pub(super) fn add(&mut self, key: &[Part], message: &str) {
-        let around = self.around.iter().map(|name| Part::Name(name));
-        let key: Vec<Part> = around.chain(key.iter().copied()).collect();
+        let prefix = self.prefix.iter().map(|name| Part::Name(name));
+        let key: Vec<Part> = prefix.chain(key.iter().copied()).collect();
         let line = line(self.text, &key).map_or_else(String::new, |line| format!(":{line}"));
-        self.found.push(format!("{}{line}: {}: {message}", self.file, path(&key)));
+        self.sentences.push(format!("{}{line}: {}: {message}", self.file, path(&key)));
     }
 
     /// A value of a key that is out of range.
@@ -69,11 +75,17 @@ impl<'a> Problems<'a> {
         self.add(key, &format!("{read} was read; allowed is {allowed}"));
     }
 
+    /// `value` without problems, else all of them.
     pub(super) fn into_result<T>(self, value: T) -> Result<T, TableError> {
-        if self.found.is_empty() { Ok(value) } else { Err(TableError { problems: self.found }) }
+        if self.sentences.is_empty() {
+            Ok(value)
+        } else {
+            Err(TableError { problems: self.sentences })
+        }
     }
 }
 
+/// Key as messages have it: `device[2].sdo[1].value`, places from 1.
 fn path(key: &[Part]) -> String {
     let mut path = String::new();
     for part in key {
@@ -81,7 +93,7 @@ fn path(key: &[Part]) -> String {
             Part::Name(name) if path.is_empty() => path += name,
             Part::Name(name) => path += &format!(".{name}"),
             // people count from one
-            Part::At(at) => path += &format!("[{}]", at + 1),
+            Part::Index(at) => path += &format!("[{}]", at + 1),
         }
     }
     path
@@ -97,7 +109,7 @@ fn line(text: &str, key: &[Part]) -> Option<usize> {
         let next = match (part, &value) {
             (Part::Name(name), None) => table.get(*name).cloned(),
             (Part::Name(name), Some(DeValue::Table(inside))) => inside.get(*name).cloned(),
-            (Part::At(at), Some(DeValue::Array(list))) => list.get(*at).cloned(),
+            (Part::Index(at), Some(DeValue::Array(list))) => list.get(*at).cloned(),
             _ => None,
         };
         let Some(next) = next else { break };

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// Type of an object or of an entry of process data.
+/// Basic data type of an object or of an entry of process data (ETG.1000.6): BOOL, UNSIGNED or INTEGER.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NumberType {
@@ -38,13 +38,13 @@ impl NumberType {
         matches!(self, Self::I8 | Self::I16 | Self::I32)
     }
 
-    /// Smallest and largest number.
+    /// Smallest and largest number, both included.
     pub fn range(self) -> [i64; 2] {
         let values = 1_i64 << self.bits();
         if self.is_signed() { [-values / 2, values / 2 - 1] } else { [0, values - 1] }
     }
 
-    /// Decodes raw bits as a number of this type.
+    /// Decodes raw bits as a number of this type, in two's complement; higher bits are ignored.
     pub fn number(self, bits: u64) -> i64 {
         let unused = 64 - u32::from(self.bits());
         if self.is_signed() {
@@ -62,14 +62,14 @@ pub struct Scale {
     pub kind: NumberType,
     /// SI units per count, with the sign: positive where value and counts grow together.
     pub factor: f64,
-    /// Value at zero counts.
+    /// Value at zero counts \[SI unit\].
     pub offset: f64,
-    /// Lowest and highest value.
+    /// Lowest and highest value \[SI unit\]; a measured value beyond it is out of range, a commanded one is limited.
     pub range: [f64; 2],
 }
 
 impl Scale {
-    /// The value of counts.
+    /// The value of counts \[SI unit\].
     pub fn value(&self, counts: i64) -> f64 {
         self.factor * counts as f64 + self.offset
     }

@@ -5,7 +5,8 @@ use assert_no_alloc::permit_alloc;
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_device_simulator::Segment;
 use hydroboom_device_simulator::applications::{
-    AnalogueInput, DigitalOutput, DriveSettings, Motor, ServoDrive, Signal, VelocityUnit, coupler,
+    AnalogueInput, CurrentSource, DigitalOutput, DriveSettings, Motor, ServoDrive, VelocityUnit,
+    coupler,
 };
 use hydroboom_device_simulator::controller::DistributedClock;
 use hydroboom_device_simulator::device::{
@@ -101,7 +102,7 @@ pub const TRANSMITTERS: [[f64; 2]; 6] =
 
 struct Transmitters(Shared);
 
-impl Signal for Transmitters {
+impl CurrentSource for Transmitters {
     fn advance(&mut self, _: u64) {}
 
     fn current(&self, channel: usize) -> f64 {

@@ -2,7 +2,7 @@
 
 use crate::bench::{Shared, SimulatedLink, devices, example, table};
 use hydroboom_device_simulator::al_status_code::AlStatusCode;
-use hydroboom_device_simulator::applications::{DigitalOutput, VelocityUnit};
+use hydroboom_device_simulator::applications::{DigitalOutput, VelocityUnit, coupler};
 use hydroboom_device_simulator::controller::DistributedClock;
 use hydroboom_device_simulator::controller::registers::{
     ERROR_COUNTERS, FEATURES, WATCHDOG_PROCESS_DATA,
@@ -125,6 +125,26 @@ fn devices_that_are_not_the_tables_are_named() {
 }
 
 #[test]
+fn more_devices_than_a_bus_may_have_are_counted_with_the_limit() {
+    let with_couplers = |count: usize| {
+        let mut case = Case::new();
+        let identity = Identity { vendor: 0x0fff, product: 1, revision: 1, serial: 7 };
+        let more = (0..count)
+            .map(|_| coupler(Settings::new("coupler", identity), DistributedClock::new(9, 0)));
+        case.devices.extend(more);
+        case
+    };
+    // 16 are examined, and compared with the table
+    with_couplers(12).error(&["not in the table", "16 devices answer, the table has 4"]);
+    with_couplers(13).error(&[
+        "17 devices answer, the table has 4",
+        "allows 16 on a bus",
+        "network interface of their own",
+    ]);
+    with_couplers(70).error(&["64 or more devices answer"]);
+}
+
+#[test]
 fn process_data_and_units_that_differ_are_named() {
     let mut case = Case::new();
     case.table.devices[2].inputs[0].entries.pop();
@@ -177,11 +197,11 @@ fn synchronisation_that_the_device_does_not_have_or_is_not_set_up_for_is_named()
 #[test]
 fn a_damaged_cable_is_named_before_what_it_makes_of_the_bus() {
     let mut case = Case::new();
-    case.devices[2].inject(Fault::DamagedCable { port: 0, one_of: 50 }, 0);
+    case.devices[2].inject(Fault::DamagedCable { port: 0, frames_per_error: 50 }, 0);
     case.error(&["frames are damaged", "between drive (position 1) and inputs (position 2)"]);
 
     let mut case = Case::new();
-    case.devices[0].inject(Fault::DamagedCable { port: 1, one_of: 50 }, 0);
+    case.devices[0].inject(Fault::DamagedCable { port: 1, frames_per_error: 50 }, 0);
     case.error(&["frames are damaged", "between coupler (position 0) and drive (position 1)"]);
 
     let counted = |register: u16, count: u8| {
@@ -196,7 +216,7 @@ fn a_damaged_cable_is_named_before_what_it_makes_of_the_bus() {
 #[test]
 fn a_device_with_an_error_is_named_with_its_al_status_code() {
     let case = Case::with_drive(|settings| settings.synchronisation.base_cycle = 300_000);
-    case.error(&["drive (position 1) refuses SAFEOP", "0x0035", "bus.period_us"]);
+    case.error(&["drive (position 1) refuses SAFEOP", "0x0036", "bus.period_us"]);
 
     // its EEPROM has a longer mailbox than its firmware
     let mut case = Case::new();

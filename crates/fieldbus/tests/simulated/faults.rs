@@ -99,7 +99,12 @@ const FAULTS: [(Injection, Injection, Fault, u32); 11] = [
         4,
     ),
     (|r| r.bus.link_mut().late = Some((8, 400_000)), |_| {}, Fault::FramesLost, 4),
-    (|r| r.inject(DRIVE, DeviceFault::Deaf(8)), |_| {}, Fault::DeviceSilent { device: 1 }, 4),
+    (
+        |r| r.inject(DRIVE, DeviceFault::FramesIgnored(8)),
+        |_| {},
+        Fault::DeviceSilent { device: 1 },
+        4,
+    ),
     (
         |r| r.bus.link_mut().segment.connect(2),
         |r| r.bus.link_mut().segment.connect(4),
@@ -125,7 +130,7 @@ const FAULTS: [(Injection, Injection, Fault, u32); 11] = [
         1,
     ),
     (
-        |r| r.inject(DRIVE, DeviceFault::SyncMissing),
+        |r| r.inject(DRIVE, DeviceFault::Sync0Missing),
         |r| r.bus.link_mut().segment.devices_mut()[DRIVE].clear_faults(),
         Fault::StateDropped { device: 1, code: 0x2c },
         4,
@@ -231,7 +236,7 @@ fn single_losses_are_borne_and_the_last_measurement_ages() {
     running.cycles(3);
     // one device does not hear the first frame of a cycle: nothing of it counts
     let before = number(&mut running);
-    running.inject(INPUTS, DeviceFault::Deaf(1));
+    running.inject(INPUTS, DeviceFault::FramesIgnored(1));
     running.cycles(1);
     assert_eq!(number(&mut running), before);
     running.cycles(200);

@@ -97,7 +97,7 @@ fn a_refused_sdo_a_stuck_mailbox_and_an_emergency_are_told_with_the_sdo_and_its_
     );
     let told = refusal_of(
         |_| {},
-        |link| link.segment.devices_mut()[1].inject(DeviceFault::MailboxStuck, 0),
+        |link| link.segment.devices_mut()[1].inject(DeviceFault::MailboxNotServed, 0),
     );
     one_sentence_with(&told, &["0x1C32:01", "drive (position 1)", "timeout"]);
     // ethercrab 0.7.1 panics on these

@@ -125,13 +125,13 @@ const FAULTS: [(&str, Injection, Fault); 8] = [
         Fault::FramesLost,
     ),
     (
-        "drive left OP",
+        "drive left its state",
         |m| m.drive(|d| d.inject(DeviceFault::StateDrop(AlStatusCode::PllError), now())),
         Fault::StateDropped { device: 1, code: 0x32 },
     ),
     (
         "SYNC0 stays away",
-        |m| m.drive(|d| d.inject(DeviceFault::SyncMissing, now())),
+        |m| m.drive(|d| d.inject(DeviceFault::Sync0Missing, now())),
         Fault::StateDropped { device: 1, code: 0x2c },
     ),
     (

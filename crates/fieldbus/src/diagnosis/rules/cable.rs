@@ -8,8 +8,9 @@ use crate::table::Table;
 /// Longest delay from one device to the next \[ns\]: 100 m of cable, and a device. Estimate: 0.55 us and 1 us.
 const LONGEST_DELAY: u32 = 3_000;
 /// Advice where frames are damaged.
-const MEND: &str = "replace the cable and its plugs, and keep it away from motor cables";
+const REPLACE_CABLE: &str = "replace the cable and its plugs, and keep it away from motor cables";
 
+/// Findings of all cables, or that no device answers.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     if bus.line.is_empty() {
         return vec![Finding::error(
@@ -48,28 +49,31 @@ fn cable(table: &Table, bus: &BusFacts, position: usize, port: usize) -> String 
 }
 
 /// The port with the highest count, and that count; none where all counts are 0.
-fn most(count: impl Fn(usize) -> u8) -> Option<(usize, u8)> {
+fn port_with_most(count: impl Fn(usize) -> u8) -> Option<(usize, u8)> {
     (0..PORTS)
         .map(|port| (port, count(port)))
         .max_by_key(|(_, count)| *count)
         .filter(|(_, n)| *n > 0)
 }
 
+/// Damaged frames at the port with most of them (0x0300 to 0x030B): an error where they increase during the
+/// diagnosis.
 fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
     let device = &bus.line[position];
     let after = device.errors_after.unwrap_or(device.errors);
-    let grown = most(|port| after.damaged(port).saturating_sub(device.errors.damaged(port)));
-    if let Some((port, count)) = grown {
+    let increment =
+        port_with_most(|port| after.damaged(port).saturating_sub(device.errors.damaged(port)));
+    if let Some((port, count)) = increment {
         return Some(Finding::error(
             Stage::Cable,
             format!(
                 "frames are damaged on the cable {}: {count} were counted at port {port} during the diagnosis",
                 cable(table, bus, position, port)
             ),
-            MEND,
+            REPLACE_CABLE,
         ));
     }
-    most(|port| after.damaged(port)).map(|(port, count)| {
+    port_with_most(|port| after.damaged(port)).map(|(port, count)| {
         Finding::warning(
             Stage::Cable,
             format!(
@@ -82,11 +86,12 @@ fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Find
     })
 }
 
+/// Lost links at the port with most of them (0x0310 to 0x0313): an error where they increased during the diagnosis.
 fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
     let device = &bus.line[position];
     let after = device.errors_after.unwrap_or(device.errors);
     let [is, was] = [after.lost_links, device.errors.lost_links];
-    if let Some((port, count)) = most(|port| is[port].saturating_sub(was[port])) {
+    if let Some((port, count)) = port_with_most(|port| is[port].saturating_sub(was[port])) {
         return Some(Finding::error(
             Stage::Cable,
             format!(
@@ -96,7 +101,7 @@ fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding>
             "check its plugs and the supply of the devices at both ends",
         ));
     }
-    most(|port| is[port]).map(|(port, count)| {
+    port_with_most(|port| is[port]).map(|(port, count)| {
         Finding::warning(
             Stage::Cable,
             format!(
@@ -112,16 +117,16 @@ fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding>
 fn delay(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding> {
     let delay = |position: usize| {
         let has_clock = bus.devices.get(position).is_some_and(|device| device.has_clock);
-        bus.set_up.get(position).filter(|_| has_clock).map(|shown| shown.delay)
+        bus.set_up.get(position).filter(|_| has_clock).map(|set_up| set_up.delay)
     };
     let before = delay(position.checked_sub(1)?)?;
-    let way = delay(position)?.saturating_sub(before);
-    (way > LONGEST_DELAY).then(|| {
+    let link_delay = delay(position)?.saturating_sub(before);
+    (link_delay > LONGEST_DELAY).then(|| {
         Finding::warning(
             Stage::Cable,
             format!(
                 "a frame takes {:.1} us {}, which is longer than 100 m of cable cause",
-                1e-3 * f64::from(way),
+                1e-3 * f64::from(link_delay),
                 cable(table, bus, position, 0)
             ),
             "remove the switch or media converter there",

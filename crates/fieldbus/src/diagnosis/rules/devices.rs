@@ -4,9 +4,37 @@ use super::name;
 use crate::check::{DeviceFacts, Subject, mismatches};
 use crate::diagnosis::facts::{BusFacts, PORTS};
 use crate::diagnosis::finding::{Finding, Stage};
+use crate::diagnosis::scan::MOST_POSITIONS;
+use crate::start_up::MOST_DEVICES;
 use crate::table::{DeviceRow, Table};
 
+/// Findings of number, order and identity.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+    let mut found: Vec<Finding> = too_many(table, bus).into_iter().collect();
+    found.extend(compare(table, bus));
+    found
+}
+
+/// More devices than a bus of this program may have: none of them is set up, and only the scan is judged.
+fn too_many(table: &Table, bus: &BusFacts) -> Option<Finding> {
+    let answering = bus.line.len();
+    // the scan ends at its last position, whether or not devices follow
+    let or_more = if answering == usize::from(MOST_POSITIONS) { " or more" } else { "" };
+    (answering > MOST_DEVICES).then(|| {
+        Finding::error(
+            Stage::Devices,
+            format!(
+                "{answering}{or_more} devices answer, the table has {} and this program allows {MOST_DEVICES} on \
+                a bus, so that none was set up",
+                table.devices.len()
+            ),
+            "remove the devices that are not in the table, or connect them to a network interface of their own",
+        )
+    })
+}
+
+/// The devices against the rows of the table.
+fn compare(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let (rows, devices) = (&table.devices, &bus.devices);
     if devices.is_empty() {
         return Vec::new();
@@ -15,7 +43,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let counts = format!("{} devices answer, the table has {}", devices.len(), rows.len());
     let (missing, extra) = unmatched(rows, devices);
     match (missing.as_slice(), extra.as_slice()) {
-        ([], []) => described(table, bus),
+        ([], []) => identity_mismatches(table, bus),
         ([first, ..], []) if *first == devices.len() => {
             let row = &rows[*first];
             let others = match missing.len() {
@@ -32,20 +60,23 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             )
         }
         (_, []) => error(
-            format!("{} missing: {counts}", list(missing.iter().map(|k| named(&rows[*k], *k)))),
+            format!(
+                "{} missing: {counts}",
+                with_verb(missing.iter().map(|k| row_text(&rows[*k], *k)))
+            ),
             "connect it, or delete it from the table",
         ),
         ([], _) => error(
             format!(
                 "{} not in the table: {counts}",
-                list(extra.iter().map(|k| described_device(&devices[*k], *k)))
+                with_verb(extra.iter().map(|k| device_text(&devices[*k], *k)))
             ),
             "remove it from the bus, or add it to the table",
         ),
-        _ if devices.len() == rows.len() && are_the_same(rows, devices) => {
+        _ if devices.len() == rows.len() && have_the_same_products(rows, devices) => {
             let places = devices.iter().enumerate().filter(|(k, device)| !fits(&rows[*k], device));
             let places =
-                places.map(|(k, device)| format!("position {k} is {}", in_table(rows, device)));
+                places.map(|(k, device)| format!("position {k} is {}", table_name(rows, device)));
             error(
                 format!(
                     "the devices are in another order than in the table: {}",
@@ -54,12 +85,12 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                 "connect them in the table's order, or change the order in the table",
             )
         }
-        _ if devices.len() == rows.len() => described(table, bus),
+        _ if devices.len() == rows.len() => identity_mismatches(table, bus),
         _ => error(
             format!(
                 "{counts}: {} missing, {} not in the table",
-                list(missing.iter().map(|k| named(&rows[*k], *k))),
-                list(extra.iter().map(|k| described_device(&devices[*k], *k)))
+                with_verb(missing.iter().map(|k| row_text(&rows[*k], *k))),
+                with_verb(extra.iter().map(|k| device_text(&devices[*k], *k)))
             ),
             "compare the line with the table, device by device",
         ),
@@ -67,7 +98,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
 }
 
 /// The first identity that differs.
-fn described(table: &Table, bus: &BusFacts) -> Vec<Finding> {
+fn identity_mismatches(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     mismatches(table, &bus.devices)
         .into_iter()
         .filter(|found| found.subject == Subject::Devices)
@@ -81,12 +112,12 @@ fn fits(row: &DeviceRow, device: &DeviceFacts) -> bool {
 }
 
 /// Whether both are the same devices, in some order.
-fn are_the_same(rows: &[DeviceRow], devices: &[DeviceFacts]) -> bool {
-    let mut wanted: Vec<[u32; 2]> = rows.iter().map(|row| [row.vendor, row.product]).collect();
+fn have_the_same_products(rows: &[DeviceRow], devices: &[DeviceFacts]) -> bool {
+    let mut expected: Vec<[u32; 2]> = rows.iter().map(|row| [row.vendor, row.product]).collect();
     let mut found: Vec<&[u32]> = devices.iter().map(|device| &device.identity[..2]).collect();
-    wanted.sort_unstable();
+    expected.sort_unstable();
     found.sort_unstable();
-    wanted.iter().map(|kind| &kind[..]).eq(found)
+    expected.iter().map(|kind| &kind[..]).eq(found)
 }
 
 /// Rows without a device and devices without a row, by a longest common subsequence of vendor and product.
@@ -127,11 +158,13 @@ fn link_behind(table: &Table, bus: &BusFacts, last: usize) -> String {
     }
 }
 
-fn named(row: &DeviceRow, position: usize) -> String {
+/// Name of a row with its position.
+fn row_text(row: &DeviceRow, position: usize) -> String {
     format!("{} (position {position})", row.name)
 }
 
-fn described_device(device: &DeviceFacts, position: usize) -> String {
+/// Name of a device with its position, vendor and product.
+fn device_text(device: &DeviceFacts, position: usize) -> String {
     let [vendor, product, _] = device.identity;
     format!(
         "{} at position {position} (vendor 0x{vendor:08X}, product 0x{product:08X})",
@@ -140,13 +173,13 @@ fn described_device(device: &DeviceFacts, position: usize) -> String {
 }
 
 /// The table's name of a device with this vendor and product.
-fn in_table(rows: &[DeviceRow], device: &DeviceFacts) -> String {
+fn table_name(rows: &[DeviceRow], device: &DeviceFacts) -> String {
     let row = rows.iter().find(|row| fits(row, device));
     row.map_or_else(|| device.name.clone(), |row| row.name.clone())
 }
 
 /// Names with their verb.
-fn list(names: impl ExactSizeIterator<Item = String>) -> String {
+fn with_verb(names: impl ExactSizeIterator<Item = String>) -> String {
     let verb = if names.len() == 1 { "is" } else { "are" };
     format!("{} {verb}", names.collect::<Vec<_>>().join(", "))
 }

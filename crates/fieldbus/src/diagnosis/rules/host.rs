@@ -5,18 +5,19 @@ use crate::diagnosis::finding::{Finding, Stage};
 use crate::diagnosis::host::HostFacts;
 
 /// Priority for the interrupt: above the bus task's and above the simulation's 80.
-const INTERRUPT: i32 = 85;
+const INTERRUPT_PRIORITY: i32 = 85;
 
+/// Findings of this computer, all of them warnings.
 pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
     let HostFacts { interface, .. } = host;
     let mut found = Vec::new();
-    let gathers = match (host.gathering_us, host.is_adaptive) {
+    let coalescing = match (host.gathering_us, host.is_adaptive) {
         // with 1 and 3 some cards choose a time by themselves, of up to 250 us (igb, e1000e)
         (Some(us), _) if us > 0 => Some(format!("its rx-usecs is {us}")),
         (_, Some(true)) => Some("its adaptive-rx is on".into()),
         _ => None,
     };
-    if let Some(how) = gathers {
+    if let Some(how) = coalescing {
         found.push(Finding::warning(
             Stage::Host,
             format!(
@@ -32,8 +33,8 @@ pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
             format!("switch that off: echo 0 > /sys/class/net/{interface}/gro_flush_timeout"),
         ));
     }
-    let slow = |priority: &Option<i32>| priority.is_none_or(|priority| priority <= PRIORITY);
-    if let Some(thread) = host.interrupts.iter().find(|thread| slow(&thread.priority)) {
+    let is_low = |priority: &Option<i32>| priority.is_none_or(|priority| priority <= PRIORITY);
+    if let Some(thread) = host.interrupts.iter().find(|thread| is_low(&thread.priority)) {
         let has = match thread.priority {
             Some(priority) => format!("has the priority {priority}"),
             None => "has no real-time priority".into(),
@@ -45,7 +46,7 @@ pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
                 running",
                 thread.name
             ),
-            format!("raise it: chrt -f -p {INTERRUPT} {}", thread.pid),
+            format!("raise it: chrt -f -p {INTERRUPT_PRIORITY} {}", thread.pid),
         ));
     }
     found

@@ -38,9 +38,9 @@ pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding>
     found.extend(state::findings(table, bus));
     let timing = timing::findings(table, bus, &found);
     // a cause of delay in this computer is an error where frames are late
-    let is_late = timing::is_held_up(bus, &found);
-    let by_host = host::findings(host).into_iter();
-    found.extend(by_host.map(|finding| match is_late {
+    let is_late = timing::is_delayed(bus, &found);
+    let host_findings = host::findings(host).into_iter();
+    found.extend(host_findings.map(|finding| match is_late {
         true => Finding { severity: Severity::Error, ..finding },
         false => finding,
     }));
@@ -50,14 +50,15 @@ pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding>
     found
 }
 
-fn has_the_tables_devices(table: &Table, bus: &BusFacts) -> bool {
+/// Whether number, vendors, products and revisions are those of the table.
+fn identities_match(table: &Table, bus: &BusFacts) -> bool {
     bus.devices.len() == table.devices.len() && identities_fit(table, &bus.devices)
 }
 
 /// A device in messages: the table's name where it is the table's device.
 fn name(table: &Table, bus: &BusFacts, position: usize) -> String {
-    let is_the_tables = has_the_tables_devices(table, bus);
-    let row = table.devices.get(position).filter(|_| is_the_tables);
+    let matches_table = identities_match(table, bus);
+    let row = table.devices.get(position).filter(|_| matches_table);
     let name = match (row, bus.devices.get(position)) {
         (Some(row), _) => &row.name,
         (None, Some(device)) => &device.name,
@@ -81,15 +82,15 @@ fn start_up(table: &Table, bus: &BusFacts) -> Vec<Finding> {
 /// Sizes of process data by the sync managers, against the table.
 fn sizes(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
-    for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
-        let Some(sizes) = shown.sizes else { continue };
-        let wanted = [row.output_bytes(), row.input_bytes()];
-        for ((side, is), wanted) in ["outputs", "inputs"].into_iter().zip(sizes).zip(wanted) {
-            if is != wanted {
+    for (position, (row, set_up)) in table.devices.iter().zip(&bus.set_up).enumerate() {
+        let Some(sizes) = set_up.sizes else { continue };
+        let expected = [row.output_bytes(), row.input_bytes()];
+        for ((side, is), expected) in ["outputs", "inputs"].into_iter().zip(sizes).zip(expected) {
+            if is != expected {
                 found.push(Finding::error(
                     Stage::ProcessData,
                     format!(
-                        "{side} of {} have {is} bytes by its sync manager, {wanted} by the table",
+                        "{side} of {} have {is} bytes by its sync manager, {expected} by the table",
                         name(table, bus, position)
                     ),
                     "correct the PDOs of the table by the device's manual",

@@ -5,26 +5,29 @@ use crate::diagnosis::facts::{BusFacts, SetUp};
 use crate::diagnosis::finding::{Finding, Stage};
 use crate::table::{DeviceRow, Sync, Table};
 
-/// Synchronisation types of 0x1C32:01 and 0x1C33:01 (ETG.1020): by SYNC0, by SYNC1, inputs by the outputs' frame.
+/// Synchronisation type of 0x1C32:01 and 0x1C33:01 (ETG.1020): by SYNC0.
 const BY_SYNC0: u16 = 2;
+/// By SYNC1.
 const BY_SYNC1: u16 = 3;
+/// Inputs by the sync manager event of the outputs.
 const BY_OUTPUTS: u16 = 0x22;
 /// Difference from the reference clock beyond which a clock does not follow it \[ns\]: far above the microsecond that
 /// devices keep to.
 const LARGEST_DIFFERENCE: i64 = 20_000;
 
+/// Findings of clocks and synchronisation objects, for devices that were set up.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
     let reference = bus.devices.iter().position(|device| device.has_clock);
-    for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
+    for (position, (row, set_up)) in table.devices.iter().zip(&bus.set_up).enumerate() {
         let this = name(table, bus, position);
         let modes = bus.devices.get(position).map_or(&[][..], |device| &device.activations);
-        found.extend(activation(&this, row, shown, modes));
-        found.extend(types(&this, row, shown));
-        found.extend(cycles(&this, table, row, shown));
+        found.extend(activation(&this, row, set_up, modes));
+        found.extend(types(&this, row, set_up));
+        found.extend(cycles(&this, table, row, set_up));
         // the reference clock follows no other: its register 0x092C is not updated
         if reference != Some(position) {
-            found.extend(clock(&this, row, shown));
+            found.extend(clock(&this, row, set_up));
         }
     }
     if let Some(why) = &bus.clocks_refused {
@@ -39,23 +42,23 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
 
 /// Registers 0x0980 and 0x0981 against the modes of the EEPROM: the low byte of a mode is for 0x0980, the high one for
 /// 0x0981.
-fn activation(this: &str, row: &DeviceRow, shown: &SetUp, modes: &[u16]) -> Option<Finding> {
-    let [unit, is] = shown.activation?;
-    let [_, wanted] = row.sync.activation().to_le_bytes();
-    if is != wanted {
+fn activation(this: &str, row: &DeviceRow, set_up: &SetUp, modes: &[u16]) -> Option<Finding> {
+    let [unit, is] = set_up.activation?;
+    let [_, expected] = row.sync.activation().to_le_bytes();
+    if is != expected {
         return Some(Finding::error(
             Stage::Synchronisation,
             format!(
-                "register 0x0981 of {this} is 0x{is:02X}, its sync in the table asks for 0x{wanted:02X}"
+                "register 0x0981 of {this} is 0x{is:02X}, its sync in the table asks for 0x{expected:02X}"
             ),
             "read in its manual which activations it supports, and set sync",
         ));
     }
-    let fitting = || modes.iter().filter(|mode| *mode & 0x0700 == row.sync.activation());
-    let lacks = |mode: &u16| *mode as u8 & !unit != 0;
-    let is_left = wanted != 0 && fitting().count() > 0 && fitting().all(lacks);
-    is_left.then(|| {
-        let mode = fitting().next().copied().unwrap_or_default();
+    let matching = || modes.iter().filter(|mode| *mode & 0x0700 == row.sync.activation());
+    let lacks_unit_bits = |mode: &u16| *mode as u8 & !unit != 0;
+    let is_unwritten = expected != 0 && matching().count() > 0 && matching().all(lacks_unit_bits);
+    is_unwritten.then(|| {
+        let mode = matching().next().copied().unwrap_or_default();
         Finding::warning(
             Stage::Synchronisation,
             format!(
@@ -68,36 +71,37 @@ fn activation(this: &str, row: &DeviceRow, shown: &SetUp, modes: &[u16]) -> Opti
 }
 
 /// 0x1C32:01 and 0x1C33:01 against the table's sync.
-fn types(this: &str, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
-    let (wanted, name) = match row.sync {
+fn types(this: &str, row: &DeviceRow, set_up: &SetUp) -> Vec<Finding> {
+    let (expected, name) = match row.sync {
         Sync::None => (None, "none"),
         Sync::Sync0 => (Some(BY_SYNC0), "sync0"),
         Sync::Sync01(_) => (Some(BY_SYNC1), "sync01"),
     };
     let mut found = Vec::new();
-    for ((object, is), side) in ["0x1C32", "0x1C33"].into_iter().zip(shown.sync_types).zip([0, 1]) {
+    for ((object, is), side) in ["0x1C32", "0x1C33"].into_iter().zip(set_up.sync_types).zip([0, 1])
+    {
         let Some(is) = is else { continue };
         let by_clock = matches!(is, BY_SYNC0 | BY_SYNC1);
         let cause = format!(
             "{object}:01 of {this} is {is} ({}), the table has sync = \"{name}\"",
-            text(is)
+            type_name(is)
         );
-        match wanted {
+        match expected {
             None if by_clock => found.push(Finding::error(
                 Stage::Synchronisation,
                 cause,
                 "set sync of the table, or write 0 into the object as a start-up SDO",
             )),
-            Some(wanted) if !by_clock && side == 0 => found.push(Finding::error(
+            Some(expected) if !by_clock && side == 0 => found.push(Finding::error(
                 Stage::Synchronisation,
                 cause,
-                format!("write {wanted} into {object}:01 as a start-up SDO"),
+                format!("write {expected} into {object}:01 as a start-up SDO"),
             )),
-            Some(wanted) if is != wanted && is != BY_OUTPUTS && !(side == 1 && by_clock) => {
+            Some(expected) if is != expected && is != BY_OUTPUTS && !(side == 1 && by_clock) => {
                 found.push(Finding::warning(
                     Stage::Synchronisation,
                     cause,
-                    format!("write {wanted} into {object}:01 as a start-up SDO where the device allows it"),
+                    format!("write {expected} into {object}:01 as a start-up SDO where the device allows it"),
                 ));
             }
             _ => {}
@@ -106,7 +110,8 @@ fn types(this: &str, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
     found
 }
 
-fn text(kind: u16) -> &'static str {
+/// Name of a synchronisation type of 0x1C32:01 or 0x1C33:01 (ETG.1020).
+fn type_name(kind: u16) -> &'static str {
     match kind {
         0 => "free run",
         1 => "by the sync manager event",
@@ -118,14 +123,14 @@ fn text(kind: u16) -> &'static str {
 }
 
 /// Compares the period with the device's cycle times, and the calc and copy time with the send time of outputs.
-fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Finding> {
+fn cycles(this: &str, table: &Table, row: &DeviceRow, set_up: &SetUp) -> Vec<Finding> {
     if row.sync == Sync::None {
         return Vec::new();
     }
     let mut found = Vec::new();
     let (period, us) = (table.bus.period, |ns: u64| 1e-3 * ns as f64);
     let stated = |time: Option<u32>| time.map(u64::from).filter(|time| *time > 0);
-    if let Some(shortest) = stated(shown.shortest_cycle).filter(|shortest| *shortest > period) {
+    if let Some(shortest) = stated(set_up.shortest_cycle).filter(|shortest| *shortest > period) {
         found.push(Finding::error(
             Stage::Synchronisation,
             format!(
@@ -136,7 +141,7 @@ fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Find
             "lengthen bus.period_us and the control period, or use a faster device",
         ));
     }
-    if let Some(cycle) = stated(shown.cycle).filter(|cycle| *cycle != period) {
+    if let Some(cycle) = stated(set_up.cycle).filter(|cycle| *cycle != period) {
         found.push(Finding::warning(
             Stage::Synchronisation,
             format!(
@@ -152,7 +157,7 @@ fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Find
         2 => period.saturating_sub(table.bus.send),
         _ => period.saturating_sub(table.bus.exchange),
     };
-    if let Some(needed) = stated(shown.calc_and_copy).filter(|needed| *needed > before) {
+    if let Some(needed) = stated(set_up.calc_and_copy).filter(|needed| *needed > before) {
         found.push(Finding::error(
             Stage::Synchronisation,
             format!(
@@ -167,8 +172,8 @@ fn cycles(this: &str, table: &Table, row: &DeviceRow, shown: &SetUp) -> Vec<Find
 }
 
 /// A clock that does not follow the reference.
-fn clock(this: &str, row: &DeviceRow, shown: &SetUp) -> Option<Finding> {
-    let difference = shown.clock_difference.filter(|_| row.sync != Sync::None)?;
+fn clock(this: &str, row: &DeviceRow, set_up: &SetUp) -> Option<Finding> {
+    let difference = set_up.clock_difference.filter(|_| row.sync != Sync::None)?;
     (difference.abs() > LARGEST_DIFFERENCE).then(|| {
         Finding::error(
             Stage::Synchronisation,

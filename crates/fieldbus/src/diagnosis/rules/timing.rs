@@ -5,12 +5,13 @@ use crate::diagnosis::finding::{Finding, Severity, Stage};
 use crate::table::Table;
 
 /// Whether more frames are late or lost than the table allows, and no damaged cable explains it.
-pub(super) fn is_held_up(bus: &BusFacts, others: &[Finding]) -> bool {
-    bus.listening.is_some_and(|seen| {
-        seen.has_too_many_late || seen.has_too_many_lost && !has_damaged_cable(others)
+pub(super) fn is_delayed(bus: &BusFacts, others: &[Finding]) -> bool {
+    bus.listening.is_some_and(|listening| {
+        listening.has_too_many_late || listening.has_too_many_lost && !has_damaged_cable(others)
     })
 }
 
+/// Whether a cable damages frames now.
 fn has_damaged_cable(others: &[Finding]) -> bool {
     let is_cable =
         |other: &Finding| other.severity == Severity::Error && other.stage == Stage::Cable;
@@ -19,23 +20,23 @@ fn has_damaged_cable(others: &[Finding]) -> bool {
 
 /// Findings of the frames; `others` were found before.
 pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec<Finding> {
-    let Some(seen) = &bus.listening else { return Vec::new() };
+    let Some(listening) = &bus.listening else { return Vec::new() };
     let mut found = Vec::new();
     let us = |ns: u64| format!("{:.0}", 1e-3 * ns as f64);
-    if seen.lost > 0 && !has_damaged_cable(others) {
-        let finding = if seen.has_too_many_lost { Finding::error } else { Finding::warning };
+    if listening.lost > 0 && !has_damaged_cable(others) {
+        let finding = if listening.has_too_many_lost { Finding::error } else { Finding::warning };
         found.push(finding(
             Stage::Timing,
             format!(
                 "{} of {} frames did not come back in time, and no device counted a damaged frame",
-                seen.lost, seen.exchanges
+                listening.lost, listening.exchanges
             ),
             "check the load of this computer (hydroboom doctor) and the cable to the first device"
                 .to_string(),
         ));
     }
-    if seen.low > 0 {
-        let finding = if seen.low > u64::from(table.bus.lost_max) {
+    if listening.low > 0 {
+        let finding = if listening.low > u64::from(table.bus.lost_max) {
             Finding::error
         } else {
             Finding::warning
@@ -44,36 +45,39 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
             Stage::Timing,
             format!(
                 "{} of {} frames came back with the working counter {}, expected by the table {}",
-                seen.low, seen.exchanges, seen.low_counter, seen.working_counter
+                listening.low,
+                listening.exchanges,
+                listening.low_counter,
+                listening.working_counter
             ),
             "a device did not process its data: check its cable and supply".to_string(),
         ));
     }
-    if seen.late_outputs > 0 {
-        let finding = if seen.has_too_many_late { Finding::error } else { Finding::warning };
+    if listening.late_outputs > 0 {
+        let finding = if listening.has_too_many_late { Finding::error } else { Finding::warning };
         found.push(finding(
             Stage::Timing,
             format!(
                 "{} of {} outputs came after the SYNC0 that was to take them over (this computer sends up \
                 to {} us late)",
-                seen.late_outputs,
-                seen.cycles,
-                us(seen.late_by.max)
+                listening.late_outputs,
+                listening.cycles,
+                us(listening.late_by.max)
             ),
             "send earlier (bus.send_us), and check what delays this computer (hydroboom doctor)"
                 .to_string(),
         ));
     }
     // the control period begins when the first answer has to be there
-    let answered = table.bus.control().saturating_sub(table.bus.exchange);
-    if seen.round_trip.p99 > answered {
+    let time_to_control = table.bus.control().saturating_sub(table.bus.exchange);
+    if listening.round_trip.p99 > time_to_control {
         found.push(Finding::warning(
             Stage::Timing,
             format!(
                 "1 % of frames take more than {} us, and control begins {} us after the first is sent: it \
                 uses the measurement of the period before",
-                us(seen.round_trip.p99),
-                us(answered)
+                us(listening.round_trip.p99),
+                us(time_to_control)
             ),
             "check what delays this computer (hydroboom doctor), or send later (bus.send_us)",
         ));

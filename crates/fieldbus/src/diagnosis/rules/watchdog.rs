@@ -6,12 +6,13 @@ use crate::diagnosis::finding::{Finding, Stage};
 use crate::table::Table;
 
 /// Time of the watchdog after power-on \[ns\] (ETG.1000.4): a longer one was set later.
-const USUAL: u64 = 100_000_000;
+const DEFAULT_TIMEOUT: u64 = 100_000_000;
 
+/// Findings of process-data watchdogs, and of sync managers that do not trigger them.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     let mut found = Vec::new();
-    for (position, (row, shown)) in table.devices.iter().zip(&bus.set_up).enumerate() {
-        let Some(time) = shown.watchdog else { continue };
+    for (position, (row, set_up)) in table.devices.iter().zip(&bus.set_up).enumerate() {
+        let Some(time) = set_up.watchdog else { continue };
         let this = name(table, bus, position);
         let set = format!("set watchdog_ms of {} in the table", row.name);
         if time == 0 {
@@ -23,7 +24,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                 ),
                 set,
             ));
-        } else if row.watchdog.is_none() && time > USUAL {
+        } else if row.watchdog.is_none() && time > DEFAULT_TIMEOUT {
             found.push(Finding::warning(
                 Stage::Watchdog,
                 format!(
@@ -34,7 +35,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                 set,
             ));
         }
-        if let Some(manager) = shown.output_managers.iter().find(|m| !m.feeds_watchdog) {
+        if let Some(manager) = set_up.output_managers.iter().find(|m| !m.triggers_watchdog) {
             let is_commanded = table.commanded.iter().any(|row| row.place.device == position);
             let finding = if is_commanded { Finding::error } else { Finding::warning };
             found.push(finding(
