@@ -71,7 +71,7 @@ fn a_device_that_does_not_reach_op_is_a_fault_with_its_reason() {
     let mut running = Running::new();
     running.until(20, &Outgoing::SAFE, |_| false);
     let devices = running.bus.link_mut().segment.devices_mut();
-    devices[DRIVE].inject(DeviceFault::SyncMissing, now());
+    devices[DRIVE].inject(DeviceFault::Sync0Missing, now());
     let rest = enabled(Command::default());
     let is_fault = |m: &FieldbusMachine| matches!(m.state(), MachineState::Fault(_));
     assert!(running.until(6000, &rest, is_fault).is_some());

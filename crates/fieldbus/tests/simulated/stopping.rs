@@ -125,7 +125,7 @@ const FAULTS: [(&str, Injection, Fault); 8] = [
         Fault::FramesLost,
     ),
     (
-        "drive left its state",
+        "drive left OP",
         |m| m.drive(|d| d.inject(DeviceFault::StateDrop(AlStatusCode::PllError), now())),
         Fault::StateDropped { device: 1, code: 0x32 },
     ),
