@@ -294,22 +294,8 @@ impl<T: Real> Rollout<T> {
         is_payload: T::Mask,
         is_due: T::Mask,
     ) -> T {
-        let Policy { model, estimate, weights: [by_position, by_velocity, by_speed], .. } = policy;
-        let one = T::one();
         let h = self.horizon / T::lit(((SAMPLES - 1) * STEPS_BETWEEN) as f64);
-        let PredictedState { position: y, velocity: w, load_pressure: p, motor_speed: n } =
-            state.begin;
-        let begin = model.at(y, estimate.payload);
-        let Hypothesis { at, holding, added_payload } =
-            hypothesis(policy, &begin, y, w, p, is_payload);
-        let first = y + at.compliance * p;
-        // share of the way in a longer step: (1 − g) to the power of periods in it
-        let periods = h / policy.period;
-        let share = one - (one - policy.drive.coefficient).powf(periods);
-        let slew = policy.slew * periods;
-        let damping = at.acceleration * model.viscous;
-        let per_damping = one / h.mul_add(damping, one);
-        let revolutions = model.revolutions_per_metre();
+        let prediction = Prediction::new(policy, &state.begin, is_payload, h);
         let until_decision = policy.period * T::lit(PERIODS as f64 - 1.0);
         let until_hold_ends = until_decision + hold;
         let spans: [[T; 2 * SAMPLED]; SAMPLES - 1] = core::array::from_fn(|k| {
@@ -318,57 +304,22 @@ impl<T: Real> Rollout<T> {
         });
         let places: [[T; 1]; STEPS_BETWEEN] =
             core::array::from_fn(|part| [T::lit(part as f64 / STEPS_BETWEEN as f64)]);
+        let [y, w, p, n] = state.begin.to_array();
         let begun = [y, w, p, n, state.offset, T::zero()];
         let step = |time: T,
                     place: T,
                     from: &ReferenceSample<T>,
                     to: &ReferenceSample<T>,
-                    at_step: [T; 6]| {
-            let [y, w, p, n, offset, sum] = at_step;
-            let between = |a: T, b: T| place.mul_add(b - a, a);
-            let mut reference_state: [T; ORDER] =
-                core::array::from_fn(|i| between(from.reference_state[i], to.reference_state[i]));
-            reference_state[0] = reference_state[0] - at.compliance * added_payload;
-            reference_state[2] = reference_state[2] + added_payload;
-            let feedforward = between(from.feedforward, to.feedforward);
-            let reference_position = between(from.position, to.position);
-            // the law
-            let x = at.compliance.mul_add(p, y);
-            let offset = policy.governor.update(offset, x - reference_position, policy.decay, h);
-            let drift = policy.governor.drift(offset, policy.decay);
-            let error = [
-                reference_state[0] - y,
-                reference_state[1] - w,
-                reference_state[2] - p,
-                reference_state[3] - n,
-            ];
-            let turning = revolutions * drift;
-            let governed_error =
-                [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
-            let (feedback, _) = policy.saturation.feedback(&policy.gain, &governed_error);
-            let law = feedforward + turning + feedback;
+                    [y, w, p, n, offset, sum]: [T; 6]| {
+            let now = [y, w, p, n];
+            let reference = prediction.reference(place, from, to);
+            let x = prediction.machine.at.compliance.mul_add(p, y);
+            let (law, offset) = prediction.law(&reference, &now, x, offset);
             let held = T::select(time.lt(until_hold_ends), held_speed, law);
             let u = T::select(time.lt(until_decision), state.command(law), held);
             let u = u.clamp(-policy.limit, policy.limit);
-            // its cost
-            let e = x - reference_position;
-            let effort = u - feedforward;
-            let stage = *by_position * e.square()
-                + *by_velocity * error[1].square()
-                + *by_speed * effort.square();
-            let sum = sum + stage;
-            // the machine
-            let next = n + (share * (u - n)).clamp(-slew, slew);
-            let turned = T::lit(0.5) * (n + next);
-            let n = next.clamp(-policy.limit, policy.limit);
-            let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
-            let force = p - holding - at.holding_slope * (x - first) - friction;
-            let w = (h * at.acceleration).mul_add(force, w) * per_damping;
-            let bulk = model.bulk_modulus(p, estimate.transition_pressure, policy.rod_side_term);
-            let turning = turned - model.leakage(p) + estimate.unknown_flow;
-            let inflow = model.displacement * turning - model.piston_area * w;
-            let y = h.mul_add(w, y);
-            let p = (h * model.stiffness(&at, bulk)).mul_add(inflow, p);
+            let sum = sum + prediction.stage_cost(&reference, x, w, u);
+            let [y, w, p, n] = prediction.next_state(&now, x, u);
             [y, w, p, n, offset, sum]
         };
         let ([y, w, p, n, _, sum], _) = T::repeat_where(is_due, &spans, begun, |k, span, now| {
@@ -382,11 +333,132 @@ impl<T: Real> Rollout<T> {
             });
             (now, [])
         });
-        let mut end = state.ahead[SAMPLES - 1].reference_state;
-        end[0] = end[0] - at.compliance * added_payload;
-        end[2] = end[2] + added_payload;
+        let end = prediction.with_added_payload(state.ahead[SAMPLES - 1].reference_state);
         let error = [end[0] - y, end[1] - w, end[2] - p, end[3] - n];
-        sum * periods + quadratic(&policy.cost_to_go, &error)
+        sum * prediction.periods + quadratic(&policy.cost_to_go, &error)
+    }
+}
+
+/// The closed loop in steps of several control periods, under a hypothesis.
+struct Prediction<'a, T> {
+    policy: &'a Policy<T>,
+    machine: Hypothesis<T>,
+    /// Piston position where the prediction begins \[m\].
+    first: T,
+    /// Duration of a step \[s\], and control periods in it.
+    h: T,
+    periods: T,
+    /// Share of the way to the commanded motor speed in a step: 1 − (1 − g) to the power of periods in it.
+    share: T,
+    /// Largest change of motor speed in a step \[rev/s\].
+    slew: T,
+    /// Factor of the velocity for viscous friction over a step, implicit.
+    per_damping: T,
+    /// Revolutions of the motor per length of the piston's way \[rev/m\].
+    revolutions: T,
+}
+
+impl<'a, T: Real> Prediction<'a, T> {
+    /// Prediction from a state on, in steps of `h` \[s\].
+    #[inline(always)]
+    fn new(policy: &'a Policy<T>, begin: &PredictedState<T>, is_payload: T::Mask, h: T) -> Self {
+        let one = T::one();
+        let model = &policy.model;
+        let [y, w, p, _] = begin.to_array();
+        let at_begin = model.at(y, policy.estimate.payload);
+        let machine = hypothesis(policy, &at_begin, y, w, p, is_payload);
+        let first = y + machine.at.compliance * p;
+        let periods = h / policy.period;
+        let share = one - (one - policy.drive.coefficient).powf(periods);
+        let slew = policy.slew * periods;
+        let damping = machine.at.acceleration * model.viscous;
+        let per_damping = one / h.mul_add(damping, one);
+        let revolutions = model.revolutions_per_metre();
+        Self { policy, machine, first, h, periods, share, slew, per_damping, revolutions }
+    }
+
+    /// States of the reference, with the load pressure, and so the compression, that an added payload needs.
+    #[inline(always)]
+    fn with_added_payload(&self, mut reference_state: [T; ORDER]) -> [T; ORDER] {
+        let Hypothesis { at, added_payload, .. } = &self.machine;
+        reference_state[0] = reference_state[0] - at.compliance * *added_payload;
+        reference_state[2] = reference_state[2] + *added_payload;
+        reference_state
+    }
+
+    /// Reference at a place between two samples, as a share of their distance.
+    #[inline(always)]
+    fn reference(
+        &self,
+        place: T,
+        from: &ReferenceSample<T>,
+        to: &ReferenceSample<T>,
+    ) -> ReferenceSample<T> {
+        let between = |a: T, b: T| place.mul_add(b - a, a);
+        let reference_state =
+            core::array::from_fn(|i| between(from.reference_state[i], to.reference_state[i]));
+        let reference_state = self.with_added_payload(reference_state);
+        let feedforward = between(from.feedforward, to.feedforward);
+        let position = between(from.position, to.position);
+        ReferenceSample { reference_state, feedforward, position }
+    }
+
+    /// Motor speed by the control law \[rev/s\], and the governor's next offset \[m\], with the piston at `x` \[m\].
+    #[inline(always)]
+    fn law(
+        &self,
+        reference: &ReferenceSample<T>,
+        &[y, w, p, n]: &[T; ORDER],
+        x: T,
+        offset: T,
+    ) -> (T, T) {
+        let Policy { governor, saturation, gain, decay, .. } = self.policy;
+        let offset = governor.update(offset, x - reference.position, *decay, self.h);
+        let drift = governor.drift(offset, *decay);
+        let reference_state = reference.reference_state;
+        let error = [
+            reference_state[0] - y,
+            reference_state[1] - w,
+            reference_state[2] - p,
+            reference_state[3] - n,
+        ];
+        let turning = self.revolutions * drift;
+        let governed_error = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
+        let (feedback, _) = saturation.feedback(gain, &governed_error);
+        (reference.feedforward + turning + feedback, offset)
+    }
+
+    /// The regulator's stage cost. The piston is at `x` \[m\], the load's velocity is `w` \[m/s\], and the commanded
+    /// motor speed `u` \[rev/s\].
+    #[inline(always)]
+    fn stage_cost(&self, reference: &ReferenceSample<T>, x: T, w: T, u: T) -> T {
+        let [by_position, by_velocity, by_speed] = self.policy.weights;
+        let e = x - reference.position;
+        let effort = u - reference.feedforward;
+        by_position * e.square()
+            + by_velocity * (reference.reference_state[1] - w).square()
+            + by_speed * effort.square()
+    }
+
+    /// State of the machine a step later, with the piston at `x` \[m\] and the commanded motor speed `u` \[rev/s\].
+    #[inline(always)]
+    fn next_state(&self, &[y, w, p, n]: &[T; ORDER], x: T, u: T) -> [T; ORDER] {
+        let Self { policy, h, .. } = *self;
+        let Hypothesis { at, holding, .. } = &self.machine;
+        let Policy { model, estimate, .. } = policy;
+        let one = T::one();
+        let next = n + (self.share * (u - n)).clamp(-self.slew, self.slew);
+        let turned = T::lit(0.5) * (n + next);
+        let n = next.clamp(-policy.limit, policy.limit);
+        let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
+        let force = p - *holding - at.holding_slope * (x - self.first) - friction;
+        let w = (h * at.acceleration).mul_add(force, w) * self.per_damping;
+        let bulk = model.bulk_modulus(p, estimate.transition_pressure, policy.rod_side_term);
+        let turning = turned - model.leakage(p) + estimate.unknown_flow;
+        let inflow = model.displacement * turning - model.piston_area * w;
+        let y = h.mul_add(w, y);
+        let p = (h * model.stiffness(at, bulk)).mul_add(inflow, p);
+        [y, w, p, n]
     }
 }
 

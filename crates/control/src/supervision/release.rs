@@ -327,7 +327,7 @@ impl<T: Real> Release<T> {
         now: &ReleaseInput<T>,
         elapsed: T,
     ) -> ReleaseState<T> {
-        let (zero, one) = (T::zero(), T::one());
+        let zero = T::zero();
         let is = |phase: f64| {
             let lower = T::lit(phase - 0.5).lt(before.phase);
             lower & before.phase.lt(T::lit(phase + 0.5))
@@ -342,8 +342,32 @@ impl<T: Real> Release<T> {
         let begins = before.time.lt(T::lit(1e-12));
         s.origin = T::select(begins, now.stroke, before.origin);
         let position = now.stroke - s.origin;
+        let period = Period { before, now, elapsed, at_rest, filling, settling, is_new, position };
 
-        // mean of the newest window
+        let closes = self.average(&period, &mut s);
+        let has_check = T::lit(0.5).lt(self.check_function);
+        let rest = self.observe_rest(&period, closes, &mut s);
+        let load = self.judge_load(&period, rest.observed, has_check, &mut s);
+        let lift = self.lift(&period, rest.needed, &mut s);
+        let (by_pressure, spent) = self.balance(&period, has_check, lift.apart, &mut s);
+        let (settled, still_moves) = self.settle(&period, &mut s);
+        let transitions =
+            Transitions { rest, load, lift, by_pressure, spent, settled, still_moves };
+        let next = transitions.next_phase(before.phase);
+        let changes = (next - before.phase).abs();
+        s.phase_time = T::select(T::lit(0.5).lt(changes), zero, s.phase_time);
+        s.phase = next;
+        let wanted = self.pump_speed(now, has_check, next);
+        let reach = self.slew * self.period;
+        s.motor_speed = wanted.clamp(before.motor_speed - reach, before.motor_speed + reach);
+        s
+    }
+
+    /// Mean position of the newest window; whether the window closes.
+    #[inline(always)]
+    fn average(&self, period: &Period<'_, T>, s: &mut ReleaseState<T>) -> T::Mask {
+        let Period { before, is_new, position, elapsed, .. } = *period;
+        let (zero, one) = (T::zero(), T::one());
         s.sum = before.sum + T::select(is_new, position, zero);
         s.count = before.count + T::select(is_new, one, zero);
         s.window_time = before.window_time + elapsed;
@@ -352,9 +376,20 @@ impl<T: Real> Release<T> {
         s.sum = T::select(closes, zero, s.sum);
         s.count = T::select(closes, zero, s.count);
         s.window_time = T::select(closes, zero, s.window_time);
+        closes
+    }
 
-        let has_check = T::lit(0.5).lt(self.check_function);
-        // at rest: mean, scatter and drift
+    /// Mean, scatter and drift of the position at rest, and the mean pressure. `closes` holds where the averaging
+    /// window closes.
+    #[inline(always)]
+    fn observe_rest(
+        &self,
+        period: &Period<'_, T>,
+        closes: T::Mask,
+        s: &mut ReleaseState<T>,
+    ) -> Rest<T> {
+        let Period { before, now, at_rest, filling, is_new, position, .. } = *period;
+        let (zero, one) = (T::zero(), T::one());
         let counted = T::select(at_rest & is_new, one, zero);
         let in_first_half = s.phase_time.lt(T::lit(0.5) * self.observation);
         let half = T::select(in_first_half, counted, zero);
@@ -380,15 +415,35 @@ impl<T: Real> Release<T> {
         let drifts = self.rest_drift.lt((second - first).abs());
         let needed = (T::lit(SIGNIFICANT) * s.scatter).max(self.proving_motion);
         let too_noisy = self.largest_motion.lt(needed);
+        Rest { observed, drifts, needed, too_noisy }
+    }
+
+    /// Distance of the piston \[m\] from the end stop that the load pushes it to.
+    #[inline(always)]
+    fn height(&self, stroke: T) -> T {
+        T::select(T::zero().lt(self.direction), stroke, self.stroke - stroke)
+    }
+
+    /// The pressures at rest against those that a load of the crane file can have.
+    #[inline(always)]
+    fn judge_load(
+        &self,
+        period: &Period<'_, T>,
+        observed: T::Mask,
+        has_check: T::Mask,
+        s: &mut ReleaseState<T>,
+    ) -> LoadJudgement<T> {
+        let Period { before, now, .. } = *period;
+        let zero = T::zero();
         // on the lower stop the stop carries the load; elsewhere some pressure must
-        let height = T::select(zero.lt(self.direction), now.stroke, self.stroke - now.stroke);
+        let height = self.height(now.stroke);
         let hangs = self.end_zone.lt(height);
         let low = s.rest_pressure.lt(self.least_pressure - self.pressure_tolerance);
         // what is shut in on the other side is carried besides the load
         let held_back = now.pressure_other.max(zero) * self.other_area / self.area;
         let most = self.most_pressure + held_back + self.pressure_tolerance;
-        let high = most.lt(s.rest_pressure);
-        let impossible = hangs & low;
+        let too_heavy = most.lt(s.rest_pressure);
+        let too_light = hangs & low;
         let compressed = now.pressure_pump.max(zero) * self.largest_compliance;
         let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
         s.least_volume = T::select(observed, least_volume, before.least_volume);
@@ -400,10 +455,15 @@ impl<T: Real> Release<T> {
             .lt(now.pressure_load - self.pressure_tolerance - self.pressure_tolerance);
         let undrained = observed & !has_check & !is_drained;
         let springs = observed & self.largest_spring.lt(self.spring(now, height));
+        LoadJudgement { too_light, too_heavy, undrained, springs }
+    }
 
-        // delivered volume, against the load
+    /// Delivered volume, and motion against the load; `needed` \[m\] is the motion that proves the balance.
+    #[inline(always)]
+    fn lift(&self, period: &Period<'_, T>, needed: T, s: &mut ReleaseState<T>) -> Lift<T> {
+        let Period { before, now, elapsed, filling, settling, .. } = *period;
         let delivered = self.direction * now.motor_speed * self.delivery * elapsed;
-        s.volume = before.volume + T::select(filling | settling, delivered, zero);
+        s.volume = before.volume + T::select(filling | settling, delivered, T::zero());
         let lift = self.direction * (s.mean - s.rest_mean);
         let moved = filling & needed.lt(lift);
         let too_soon = moved & s.volume.lt(s.least_volume);
@@ -411,49 +471,55 @@ impl<T: Real> Release<T> {
         let sank = filling & lift.lt(-needed);
         let difference = now.pressure_pump - now.pressure_load;
         let apart = self.pressure_tolerance.lt(difference.abs());
+        Lift { moved, too_soon, sank, apart }
+    }
 
+    /// Balance by delivered volume and pressure where nothing can move; and whether the pump has delivered, or the
+    /// release lasted, as much as can be needed. `apart` holds where the pressures of pump side and cylinder differ.
+    #[inline(always)]
+    fn balance(
+        &self,
+        period: &Period<'_, T>,
+        has_check: T::Mask,
+        apart: T::Mask,
+        s: &mut ReleaseState<T>,
+    ) -> (T::Mask, T::Mask) {
+        let Period { before, now, elapsed, filling, .. } = *period;
         // at the upper end stop the piston cannot move: the cylinder's pressure answers instead
-        let at_upper_end = (self.stroke - self.end_zone).lt(height);
+        let at_upper_end = (self.stroke - self.end_zone).lt(self.height(now.stroke));
         let rise = now.pressure_load - s.rest_pressure;
         let enough = s.least_volume.lt(s.volume);
         let answered = self.pressure_response.lt(rise) & enough & !apart;
         // without check function nothing passes: delivered volume and pressure
         let agrees = filling & !apart & enough;
-        s.balanced = T::select(agrees, before.balanced + elapsed, zero);
+        s.balanced = T::select(agrees, before.balanced + elapsed, T::zero());
         let balanced = T::lit(BALANCED).lt(s.balanced);
         let by_pressure =
             filling & ((!has_check & balanced) | (has_check & at_upper_end & answered));
         let spent = filling & (self.largest_volume.lt(s.volume) | self.largest_duration.lt(s.time));
+        (by_pressure, spent)
+    }
 
-        // settling: over a period of the load mode the piston stays where it is; a swinging one gets
-        // a few periods, a position that drifts does not become steady
+    /// Over a period of the load mode the piston stays where it is. A swinging one gets a few periods, a position
+    /// that drifts does not become steady. Returns whether it has settled, and whether it moves still.
+    #[inline(always)]
+    fn settle(&self, period: &Period<'_, T>, s: &mut ReleaseState<T>) -> (T::Mask, T::Mask) {
+        let Period { before, elapsed, settling, .. } = *period;
         let over = settling & self.observation.lt(s.settling_time);
         let stays = (s.mean - before.settled_mean).abs().lt(self.proving_motion);
         let settled = over & stays;
-        s.settling_time = T::select(settling & !over, before.settling_time + elapsed, zero);
+        s.settling_time = T::select(settling & !over, before.settling_time + elapsed, T::zero());
         let restarts = !(before.settling_time.lt(T::lit(1e-12)));
         s.settled_mean = T::select(restarts & !over, before.settled_mean, s.mean);
         let patience = T::lit(SETTLING_PERIODS) * self.observation;
         let still_moves = settling & !settled & patience.lt(s.phase_time);
+        (settled, still_moves)
+    }
 
-        // the next phase; a refusal counts more than progress
-        let number = |value: f64| T::lit(value);
-        let mut next = before.phase;
-        next = T::select(observed, number(phase::FILLING), next);
-        next = T::select(moved | by_pressure, number(phase::SETTLING), next);
-        next = T::select(settled, number(phase::PROVEN), next);
-        let not_steady = (observed & (drifts | too_noisy)) | too_soon | sank | still_moves;
-        let disagrees = undrained | (observed & impossible) | (moved & apart) | (settled & apart);
-        next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
-        next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
-        next = T::select(observed & high, number(Refusal::LoadTooHeavy.phase()), next);
-        next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);
-        next = T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next);
-        let changes = (next - before.phase).abs();
-        s.phase_time = T::select(T::lit(0.5).lt(changes), zero, s.phase_time);
-        s.phase = next;
-
-        // motor speed: fast, slow, then what leaks
+    /// Motor speed \[rev/s\] in the phase `next`: fast, slow, then what leaks.
+    #[inline(always)]
+    fn pump_speed(&self, now: &ReleaseInput<T>, has_check: T::Mask, next: T) -> T {
+        let zero = T::zero();
         // readings only choose how fast the pump fills: if they are wrong, the lift is less gentle
         let is_far = now.pressure_pump.lt(now.pressure_load - self.approach);
         let filling_speed = T::select(is_far, self.fast, self.slow);
@@ -469,10 +535,94 @@ impl<T: Real> Release<T> {
         let is_filling =
             T::lit(phase::FILLING - 0.5).lt(next) & next.lt(T::lit(phase::FILLING + 0.5));
         let is_held = T::lit(phase::FILLING + 0.5).lt(next);
-        let wanted = self.direction
-            * T::select(is_filling, filling_speed, T::select(is_held, holding_speed, zero));
-        let reach = self.slew * self.period;
-        s.motor_speed = wanted.clamp(before.motor_speed - reach, before.motor_speed + reach);
-        s
+        self.direction
+            * T::select(is_filling, filling_speed, T::select(is_held, holding_speed, zero))
+    }
+}
+
+/// A control period of a release: state before it, inputs, and phase.
+struct Period<'a, T: Real> {
+    before: &'a ReleaseState<T>,
+    now: &'a ReleaseInput<T>,
+    /// Its length \[s\].
+    elapsed: T,
+    at_rest: T::Mask,
+    filling: T::Mask,
+    settling: T::Mask,
+    /// Whether the position is a new measurement.
+    is_new: T::Mask,
+    /// Piston position from the first measured one \[m\].
+    position: T,
+}
+
+/// The position at rest.
+struct Rest<T: Real> {
+    /// Observed for long enough, in this control period.
+    observed: T::Mask,
+    drifts: T::Mask,
+    /// Motion \[m\] that proves the balance.
+    needed: T,
+    too_noisy: T::Mask,
+}
+
+/// The pressures at rest.
+struct LoadJudgement<T: Real> {
+    /// Below the smallest possible pressure of the load, off the lower stop.
+    too_light: T::Mask,
+    /// Above the largest possible pressure of the load.
+    too_heavy: T::Mask,
+    /// The pump side of a valve without check function is not empty.
+    undrained: T::Mask,
+    /// The released load would spring too far.
+    springs: T::Mask,
+}
+
+/// Motion while the pump fills its side.
+struct Lift<T: Real> {
+    /// Against the load, by the needed motion.
+    moved: T::Mask,
+    /// That, before the delivered volume can have moved it.
+    too_soon: T::Mask,
+    /// With the load.
+    sank: T::Mask,
+    /// Pump-side and cylinder pressure disagree.
+    apart: T::Mask,
+}
+
+/// Conditions of the transitions from one phase to the next.
+struct Transitions<T: Real> {
+    rest: Rest<T>,
+    load: LoadJudgement<T>,
+    lift: Lift<T>,
+    /// Balance proven by volume and pressure.
+    by_pressure: T::Mask,
+    /// All volume delivered, or all time passed, that can be needed.
+    spent: T::Mask,
+    settled: T::Mask,
+    still_moves: T::Mask,
+}
+
+impl<T: Real> Transitions<T> {
+    /// The next phase; a refusal counts more than progress.
+    #[inline(always)]
+    fn next_phase(&self, phase: T) -> T {
+        let Self { rest, load, lift, by_pressure, spent, settled, still_moves } = self;
+        let Rest { observed, drifts, too_noisy, .. } = *rest;
+        let LoadJudgement { too_light, too_heavy, undrained, springs } = *load;
+        let Lift { moved, too_soon, sank, apart } = *lift;
+        let (by_pressure, spent) = (*by_pressure, *spent);
+        let (settled, still_moves) = (*settled, *still_moves);
+        let number = |value: f64| T::lit(value);
+        let mut next = phase;
+        next = T::select(observed, number(phase::FILLING), next);
+        next = T::select(moved | by_pressure, number(phase::SETTLING), next);
+        next = T::select(settled, number(phase::PROVEN), next);
+        let not_steady = (observed & (drifts | too_noisy)) | too_soon | sank | still_moves;
+        let disagrees = undrained | (observed & too_light) | (moved & apart) | (settled & apart);
+        next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
+        next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
+        next = T::select(observed & too_heavy, number(Refusal::LoadTooHeavy.phase()), next);
+        next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);
+        T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next)
     }
 }
