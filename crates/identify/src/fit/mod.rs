@@ -53,6 +53,7 @@ use monitor::Monitor;
 use nalgebra::DVector;
 use residual::{Deviations, Weighting, deviations, has_lack_of_fit, residuals};
 use samples::SampleResiduals;
+use std::cell::RefCell;
 
 /// Maximum a posteriori estimate of a key θ, with its uncertainty as standard deviations of ln θ: 0.1 is about 10 %.
 #[derive(Clone, Debug, PartialEq)]
@@ -297,54 +298,14 @@ impl<'a> Task<'a> {
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let prior = task.prior();
     let layout = task.layout();
-    let coarse = task.coarse();
     let before = layout.predictions(&prior.mean)?;
     let monitor = Monitor::new(go_on);
     let mut parameters = DVector::from_column_slice(task.resume.unwrap_or(&prior.mean));
     if parameters.len() != prior.mean.len() {
         return Err(IdentifyError::Resume { moved: prior.mean.len(), saved: parameters.len() });
     }
-    // first stage: where log and model oscillate at different frequencies, samples would be compared out of
-    // phase
-    let predictions = layout.predictions(parameters.as_slice())?;
-    let features: Vec<Option<OscillationFeatures>> = task
-        .experiments
-        .iter()
-        .zip(&predictions)
-        .map(|(e, p)| OscillationFeatures::new(e, p, task.generations > 0))
-        .collect();
-    let all = Nuisance::named("all")?;
-    if features.iter().any(Option::is_some) {
-        let function = FeatureResiduals { features: &features };
-        // delays and offsets of channels change neither frequency nor damping
-        let keys = Layout { fixed: &all, ..layout };
-        let problem = LeastSquares::new(keys, function, &prior, parameters, &monitor);
-        let termination = Termination { cost: 1e-4, step: 1e-4, evaluations: 3 };
-        parameters = problem.global_search(task.generations).minimised(termination).0.parameters;
-    }
-    let predictions = layout.predictions(parameters.as_slice())?;
-    let mut sigma = deviations(task.experiments, &predictions, Weighting::Independent);
-    let accuracy = deviations(task.experiments, &predictions, Weighting::Transducers);
-    // second stage, with long integration steps, from the same place twice. Far from the minimum, delays
-    // and offsets of channels cause local minima, and so do small residuals of one signal beside large ones
-    // of another. Without them the cost may become smaller despite fewer parameters
-    let first = Layout { experiments: &coarse, ..layout };
-    let mut least = f64::INFINITY;
-    let initial = parameters;
-    parameters = initial.clone();
-    for (stage, weights) in [(first, &sigma), (Layout { fixed: &all, ..first }, &accuracy)] {
-        let function = SampleResiduals::new(stage.experiments, weights);
-        let (found, _) =
-            solve(LeastSquares::new(stage, function, &prior, initial.clone(), &monitor))?;
-        let at = found.parameters;
-        let function = SampleResiduals::new(first.experiments, &sigma);
-        let problem = LeastSquares::new(first, function, &prior, at.clone(), &monitor);
-        let residuals = problem.residual_vector(&at).unwrap_or_else(|| vec![f64::INFINITY]);
-        let cost: f64 = residuals.iter().map(|residual| residual * residual).sum();
-        if cost < least {
-            (parameters, least) = (at, cost);
-        }
-    }
+    parameters = match_oscillations(task, layout, &prior, parameters, &monitor)?;
+    parameters = match_samples(task, layout, &prior, parameters, &monitor)?;
     // third stage: residuals weighted by their power and correlation after the second
     let predictions = layout.predictions(parameters.as_slice())?;
     let correlated = deviations(task.experiments, &predictions, Weighting::Correlated);
@@ -354,7 +315,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     parameters = found.parameters;
     let mut cached = found.function.cached.into_inner();
     let after = layout.predictions(parameters.as_slice())?;
-    sigma = deviations(task.experiments, &after, Weighting::Correlated);
+    let sigma = deviations(task.experiments, &after, Weighting::Correlated);
     let fixed_keys = FixedKeys::of(task);
     let information =
         layout.information(parameters.as_slice(), &sigma, &mut cached, &prior, &fixed_keys.keys)?;
@@ -390,6 +351,68 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             uncertainty,
         },
     })
+}
+
+/// First stage: parameter vector with the frequencies and damping of the logs. Where log and model oscillate at
+/// different frequencies, samples would be compared out of phase.
+fn match_oscillations(
+    task: &Task<'_>,
+    layout: Layout<'_>,
+    prior: &Prior,
+    parameters: DVector<f64>,
+    monitor: &RefCell<Monitor<'_>>,
+) -> Result<DVector<f64>, IdentifyError> {
+    let predictions = layout.predictions(parameters.as_slice())?;
+    let features: Vec<Option<OscillationFeatures>> = task
+        .experiments
+        .iter()
+        .zip(&predictions)
+        .map(|(e, p)| OscillationFeatures::new(e, p, task.generations > 0))
+        .collect();
+    if features.iter().all(Option::is_none) {
+        return Ok(parameters);
+    }
+    let function = FeatureResiduals { features: &features };
+    // delays and offsets of channels change neither frequency nor damping
+    let all = Nuisance::named("all")?;
+    let keys = Layout { fixed: &all, ..layout };
+    let problem = LeastSquares::new(keys, function, prior, parameters, monitor);
+    let termination = Termination { cost: 1e-4, step: 1e-4, evaluations: 3 };
+    let (found, _) = problem.global_search(task.generations).minimised(termination);
+    Ok(found.parameters)
+}
+
+/// Second stage, with long integration steps, from the same place twice: parameter vector of the smaller cost.
+///
+/// Far from the minimum, delays and offsets of channels cause local minima, and so do small residuals of one signal
+/// beside large ones of another. Without them the cost may become smaller despite fewer parameters.
+fn match_samples(
+    task: &Task<'_>,
+    layout: Layout<'_>,
+    prior: &Prior,
+    initial: DVector<f64>,
+    monitor: &RefCell<Monitor<'_>>,
+) -> Result<DVector<f64>, IdentifyError> {
+    let predictions = layout.predictions(initial.as_slice())?;
+    let sigma = deviations(task.experiments, &predictions, Weighting::Independent);
+    let accuracy = deviations(task.experiments, &predictions, Weighting::Transducers);
+    let (coarse, all) = (task.coarse(), Nuisance::named("all")?);
+    let first = Layout { experiments: &coarse, ..layout };
+    let (mut parameters, mut least) = (initial.clone(), f64::INFINITY);
+    for (stage, weights) in [(first, &sigma), (Layout { fixed: &all, ..first }, &accuracy)] {
+        let function = SampleResiduals::new(stage.experiments, weights);
+        let (found, _) =
+            solve(LeastSquares::new(stage, function, prior, initial.clone(), monitor))?;
+        let at = found.parameters;
+        let function = SampleResiduals::new(first.experiments, &sigma);
+        let problem = LeastSquares::new(first, function, prior, at.clone(), monitor);
+        let residuals = problem.residual_vector(&at).unwrap_or_else(|| vec![f64::INFINITY]);
+        let cost: f64 = residuals.iter().map(|residual| residual * residual).sum();
+        if cost < least {
+            (parameters, least) = (at, cost);
+        }
+    }
+    Ok(parameters)
 }
 
 /// The problem at its minimum, and whether the iteration has converged. The tolerances are tight, because the
