@@ -33,8 +33,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window's part of a log \[s\] in which position and driving signal are measured from `first` to `last` \[s\];
-    /// or the reason why there is none.
+    /// The window's part \[s\] of a log in which position and driving signal are measured from `first` to `last`, or
+    /// the reason why there is none.
     fn within(&self, first: f64, last: f64, driving: Signal) -> Result<(f64, f64), String> {
         let begin = self.from.map_or(first, |from| from.max(first));
         let end = self.to.map_or(last, |to| to.min(last));
