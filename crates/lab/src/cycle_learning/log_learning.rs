@@ -6,7 +6,7 @@
 //! learning converges, and the crane's margins are kept.
 
 use super::drive_delay::with_drive;
-use super::experiment::{CycleReport, Subject, outside_range, reports};
+use super::experiment::{CycleReport, Subject, reports};
 use super::identification::{Identification, identified, overrides};
 use super::identified_payload::IdentifiedPayload;
 use super::margins::exceeded;
