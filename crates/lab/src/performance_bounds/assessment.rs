@@ -130,30 +130,10 @@ pub fn performance_bounds(
         )));
     }
     let along = CraneAlongCourse::new(crane, course)?;
-    let done = AtomicUsize::new(1);
     if !go_on(1) {
         return Ok(None);
     }
-    let n = &crane.numbers;
-    let (speed, slew, none) = (n.motor_speed, n.motor_slew, f64::INFINITY);
-    // the last one has no preview
-    let motors =
-        [(speed, none, true), (none, slew, true), (speed, slew, true), (speed, slew, false)];
-    let blind = Delay::of(crane).command_periods();
-    let one = |&(speed, slew, is_known_ahead): &(f64, f64, bool)| {
-        let still = || go_on(done.load(Ordering::Relaxed));
-        let limits = MotorLimits { speed, slew };
-        let found = match is_known_ahead {
-            true => least_error(&along, limits, &still),
-            false => least_error_without_preview(&along, limits, blind, &still),
-        };
-        done.fetch_add(1, Ordering::Relaxed);
-        found
-    };
-    let found = motors.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
-    let Ok([Some(by_speed), Some(by_slew), Some(by_both), Some(unforeseen)]) =
-        <[Option<LeastError>; 4]>::try_from(found)
-    else {
+    let Some([by_speed, by_slew, by_both, unforeseen]) = least_errors(crane, &along, go_on)? else {
         return Ok(None);
     };
     let known = Knowledge::new(crane, &along, payloads);
@@ -202,6 +182,35 @@ pub fn performance_bounds(
         conditions: conditions(crane, payloads),
     };
     Ok(go_on(BOUND_PARTS).then_some(bounds))
+}
+
+/// Least errors with a limit of the motor's speed, of its slew rate, with both, and with both without preview; none if
+/// `go_on` returned false.
+fn least_errors(
+    crane: &Description,
+    along: &CraneAlongCourse,
+    go_on: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Option<[LeastError; 4]>, LabError> {
+    let done = AtomicUsize::new(1);
+    let n = &crane.numbers;
+    let (speed, slew, none) = (n.motor_speed, n.motor_slew, f64::INFINITY);
+    // the last one has no preview
+    let motors =
+        [(speed, none, true), (none, slew, true), (speed, slew, true), (speed, slew, false)];
+    let blind = Delay::of(crane).command_periods();
+    let one = |&(speed, slew, is_known_ahead): &(f64, f64, bool)| {
+        let still = || go_on(done.load(Ordering::Relaxed));
+        let limits = MotorLimits { speed, slew };
+        let found = match is_known_ahead {
+            true => least_error(along, limits, &still),
+            false => least_error_without_preview(along, limits, blind, &still),
+        };
+        done.fetch_add(1, Ordering::Relaxed);
+        found
+    };
+    let found = motors.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    let found: Option<Vec<LeastError>> = found.into_iter().collect();
+    Ok(found.and_then(|found| found.try_into().ok()))
 }
 
 /// Information on a crane along its reference.
