@@ -19,6 +19,7 @@ mod memory;
 mod monitors;
 mod plausibility;
 mod signals;
+mod transitions;
 
 pub use limits::FrameLimits;
 pub use memory::{FrameMemory, FrameState, frame_phase};
@@ -33,6 +34,7 @@ use super::supervisor::CONTROLLED_RAMP;
 use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 use monitors::Wrong;
+use transitions::{Phases, Requests, Transitions};
 
 /// Share of the reference's velocity by which an offset of the reference is taken back.
 const OFFSET_SHARE: f64 = 0.1;
@@ -134,45 +136,6 @@ fn is_set<T: Real>(value: T) -> T::Mask {
     T::lit(0.5).lt(value)
 }
 
-/// The phase before, one mask for each.
-struct Phases<T: Real> {
-    idle: T::Mask,
-    holding: T::Mask,
-    releasing: T::Mask,
-    opening: T::Mask,
-    controlling: T::Mask,
-    stopping: T::Mask,
-    fault: T::Mask,
-}
-
-impl<T: Real> Phases<T> {
-    fn of(phase: T) -> Self {
-        let is = |value: f64| T::lit(value - 0.5).lt(phase) & phase.lt(T::lit(value + 0.5));
-        Self {
-            idle: is(frame_phase::IDLE),
-            holding: is(frame_phase::HOLDING),
-            releasing: is(frame_phase::RELEASING),
-            opening: is(frame_phase::OPENING),
-            controlling: is(frame_phase::CONTROLLING),
-            stopping: is(frame_phase::STOPPING),
-            fault: is(frame_phase::FAULT),
-        }
-    }
-}
-
-/// Requests to the frame in a control period.
-#[derive(Clone, Copy)]
-struct Requests<T: Real> {
-    /// The drive is switched on.
-    enabled: T::Mask,
-    /// The load is to be held.
-    holds: T::Mask,
-    /// A start is asked for.
-    starts: T::Mask,
-    /// A reset of the fault is asked for.
-    resets: T::Mask,
-}
-
 /// A control period: phase and memory before it, and its inputs.
 struct Period<'a, T: Real> {
     at: Phases<T>,
@@ -191,44 +154,6 @@ struct Detection<T: Real> {
     at_once: T::Mask,
     /// A fault occurs, or a more severe one.
     fails: T::Mask,
-}
-
-/// Conditions of the transitions from one phase to the next.
-struct Transitions<T: Real> {
-    /// Measurements are plausible.
-    is_plausible: T::Mask,
-    requests: Requests<T>,
-    /// The release has proven that the pump carries the load.
-    proven: T::Mask,
-    /// The valve has had its time to open: the controller begins.
-    begins: T::Mask,
-    /// A controlled stop is under way.
-    stops: T::Mask,
-    /// A fault is left by a reset.
-    leaves: T::Mask,
-    /// A fault occurs, or a more severe one.
-    fails: T::Mask,
-}
-
-impl<T: Real> Transitions<T> {
-    /// The next phase: progress, then what is asked for, then what is wrong.
-    fn next_phase(&self, at: &Phases<T>, phase: T) -> T {
-        let Self { is_plausible, requests, proven, begins, stops, leaves, fails } = *self;
-        let Requests { enabled, holds, starts, .. } = requests;
-        let to = |is: T::Mask, phase: f64, next: T| T::select(is, T::lit(phase), next);
-        let mut next = phase;
-        next = to(at.idle & is_plausible, frame_phase::HOLDING, next);
-        next = to(at.holding & starts, frame_phase::RELEASING, next);
-        next = to(proven, frame_phase::OPENING, next);
-        next = to(begins, frame_phase::CONTROLLING, next);
-        next = to(at.stopping & !stops, frame_phase::HOLDING, next);
-        next = to((at.holding | at.releasing) & holds, frame_phase::HOLDING, next);
-        next = to((at.opening | at.controlling) & holds, frame_phase::STOPPING, next);
-        next = to(leaves, frame_phase::HOLDING, next);
-        next = to(!enabled & (!at.fault | leaves), frame_phase::IDLE, next);
-        next = to(fails, frame_phase::FAULT, next);
-        next
-    }
 }
 
 impl<T: Real> Period<'_, T> {

@@ -30,6 +30,7 @@ mod profile;
 mod residual;
 mod samples;
 mod score_covariance;
+mod stages;
 
 pub use determination::Determination;
 pub use monitor::Progress;
@@ -39,21 +40,19 @@ pub use profile::{LIMIT, Profile, profile};
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
-use crate::oscillation_features::OscillationFeatures;
 use crate::prediction::{Prediction, predict_from};
 use crate::structural_limit::limit_of;
 use covariance::Uncertainty;
 use determination::FitConditions;
-use features::FeatureResiduals;
 use hydroboom_description::Description;
 use information::FixedKeys;
 use layout::{Layout, PARAMETERS_PER_LOG};
-use least_squares::{LeastSquares, Prior, Termination};
+use least_squares::{LeastSquares, Prior};
 use monitor::Monitor;
 use nalgebra::DVector;
 use residual::{Deviations, Weighting, deviations, has_lack_of_fit, residuals};
 use samples::SampleResiduals;
-use std::cell::RefCell;
+use stages::{match_oscillations, match_samples, solve};
 
 /// Maximum a posteriori estimate of a key θ, with its uncertainty as standard deviations of ln θ: 0.1 is about 10 %.
 #[derive(Clone, Debug, PartialEq)]
@@ -351,82 +350,6 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             uncertainty,
         },
     })
-}
-
-/// First stage: parameter vector with the frequencies and damping of the logs. Where log and model oscillate at
-/// different frequencies, samples would be compared out of phase.
-fn match_oscillations(
-    task: &Task<'_>,
-    layout: Layout<'_>,
-    prior: &Prior,
-    parameters: DVector<f64>,
-    monitor: &RefCell<Monitor<'_>>,
-) -> Result<DVector<f64>, IdentifyError> {
-    let predictions = layout.predictions(parameters.as_slice())?;
-    let features: Vec<Option<OscillationFeatures>> = task
-        .experiments
-        .iter()
-        .zip(&predictions)
-        .map(|(e, p)| OscillationFeatures::new(e, p, task.generations > 0))
-        .collect();
-    if features.iter().all(Option::is_none) {
-        return Ok(parameters);
-    }
-    let function = FeatureResiduals { features: &features };
-    // delays and offsets of channels change neither frequency nor damping
-    let all = Nuisance::named("all")?;
-    let keys = Layout { fixed: &all, ..layout };
-    let problem = LeastSquares::new(keys, function, prior, parameters, monitor);
-    let termination = Termination { cost: 1e-4, step: 1e-4, evaluations: 3 };
-    let (found, _) = problem.global_search(task.generations).minimised(termination);
-    Ok(found.parameters)
-}
-
-/// Second stage, with long integration steps, from the same place twice: parameter vector of the smaller cost.
-///
-/// Far from the minimum, delays and offsets of channels cause local minima, and so do small residuals of one signal
-/// beside large ones of another. Without them the cost may become smaller despite fewer parameters.
-fn match_samples(
-    task: &Task<'_>,
-    layout: Layout<'_>,
-    prior: &Prior,
-    initial: DVector<f64>,
-    monitor: &RefCell<Monitor<'_>>,
-) -> Result<DVector<f64>, IdentifyError> {
-    let predictions = layout.predictions(initial.as_slice())?;
-    let sigma = deviations(task.experiments, &predictions, Weighting::Independent);
-    let accuracy = deviations(task.experiments, &predictions, Weighting::Transducers);
-    let (coarse, all) = (task.coarse(), Nuisance::named("all")?);
-    let first = Layout { experiments: &coarse, ..layout };
-    let (mut parameters, mut least) = (initial.clone(), f64::INFINITY);
-    for (stage, weights) in [(first, &sigma), (Layout { fixed: &all, ..first }, &accuracy)] {
-        let function = SampleResiduals::new(stage.experiments, weights);
-        let (found, _) =
-            solve(LeastSquares::new(stage, function, prior, initial.clone(), monitor))?;
-        let at = found.parameters;
-        let function = SampleResiduals::new(first.experiments, &sigma);
-        let problem = LeastSquares::new(first, function, prior, at.clone(), monitor);
-        let residuals = problem.residual_vector(&at).unwrap_or_else(|| vec![f64::INFINITY]);
-        let cost: f64 = residuals.iter().map(|residual| residual * residual).sum();
-        if cost < least {
-            (parameters, least) = (at, cost);
-        }
-    }
-    Ok(parameters)
-}
-
-/// The problem at its minimum, and whether the iteration has converged. The tolerances are tight, because the
-/// cost function of an oscillating log has narrow, flat valleys.
-fn solve<'a, 'w>(
-    problem: LeastSquares<'a, 'w, SampleResiduals<'a>>,
-) -> Result<(LeastSquares<'a, 'w, SampleResiduals<'a>>, bool), IdentifyError> {
-    let monitor = problem.monitor;
-    monitor.borrow_mut().restart();
-    let found = problem.minimised(Termination { cost: 1e-6, step: 1e-5, evaluations: 6 });
-    if monitor.borrow().is_stopped() {
-        return Err(IdentifyError::Stopped);
-    }
-    Ok(found)
 }
 
 /// Results of each key.
