@@ -134,7 +134,7 @@ pub struct Study {
 impl Study {
     /// Remarks on unstable loops, a sentence each; empty if all are stable.
     pub fn unstable_loops(&self) -> Vec<String> {
-        said_of_unstable(&self.loops, &self.stable_with_expected_lags)
+        remarks_on_unstable(&self.loops, &self.stable_with_expected_lags)
     }
 
     /// Run of a strategy at a speed \[mm/s\] on a plant; none if there is no such run.
@@ -150,7 +150,7 @@ impl Study {
     }
 }
 
-fn said_of_unstable(
+fn remarks_on_unstable(
     loops: &[PlantLoops],
     stable_with_expected_lags: &[LoopStability],
 ) -> Vec<String> {
@@ -455,7 +455,7 @@ mod tests {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(set).unwrap();
             let (loops, expected) = loops_around(&crane, &[(NOMINAL, Some(&crane))]).unwrap();
-            said_of_unstable(&loops, &expected)
+            remarks_on_unstable(&loops, &expected)
         };
         let far = remarks("payload.x_mm=9000");
         let begins = "nominal, scheduled LQR: the closed loop is UNSTABLE at 25 to 475 mm";

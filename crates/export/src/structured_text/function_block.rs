@@ -67,7 +67,7 @@ pub fn block_units(block: &Block) -> Result<Vec<Unit>, ExportError> {
 /// The units that a block calls, and the block.
 fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     let plan = Plan::of(block)?;
-    if let Some(value) = strange(&block.graph, &plan) {
+    if let Some(value) = unrepresentable(&block.graph, &plan) {
         return Err(ExportError::Constant { block: block.name.clone(), value });
     }
     let mut names = StructuredText.names();
@@ -123,7 +123,7 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
 }
 
 /// A constant that the language cannot represent.
-fn strange(graph: &Graph, plan: &Plan) -> Option<f64> {
+fn unrepresentable(graph: &Graph, plan: &Plan) -> Option<f64> {
     let all = plan.preparing.iter().chain(plan.entries.iter().flatten());
     let operands = all.flat_map(|node| graph.operands(*node));
     operands.filter_map(|node| graph.constant(node)).find(|value| !value.is_finite())

@@ -23,7 +23,7 @@ use crate::virtual_survey::SurveyOrder;
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
-use observer::{Errors, Known, Observer, Run};
+use observer::{Errors, Observer, Run, TipEstimators};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rest_table::RestTable;
@@ -145,7 +145,7 @@ pub fn tip_accuracy(
 ) -> Result<TipAccuracy, LabError> {
     let draw = if family.is_widened { widened } else { member };
     let numbers: Vec<u64> = family.cranes.clone().collect();
-    let mut all: Vec<(Member, Known)> = Vec::with_capacity(numbers.len());
+    let mut all: Vec<(Member, TipEstimators)> = Vec::with_capacity(numbers.len());
     for number in &numbers {
         let one = draw(nominal, family.seed, *number)?;
         let order = SurveyOrder {
@@ -153,15 +153,15 @@ pub fn tip_accuracy(
             deviation: family.survey_deviation,
             seed: family.seed.rotate_left(17) ^ number.wrapping_mul(0xa076_1d64_78bd_642f),
         };
-        let known = Known::new(model, &one.crane, &order)?;
+        let known = TipEstimators::new(model, &one.crane, &order)?;
         all.push((one, known));
     }
     let estimator = scheduled_lqr_controller(model)?;
     let at_rest = RestTable::new(model)?;
-    let groups: Vec<&[(Member, Known)]> = all.chunks(WIDTH).collect();
+    let groups: Vec<&[(Member, TipEstimators)]> = all.chunks(WIDTH).collect();
     let share = |done: usize| go_on(done as f64 / groups.len().max(1) as f64);
-    let one = |group: &&[(Member, Known)]| {
-        together(model, &estimator, &at_rest, controller, group, course)
+    let one = |group: &&[(Member, TipEstimators)]| {
+        simulate_group(model, &estimator, &at_rest, controller, group, course)
     };
     let done = as_long_as(&groups, &share, one)
         .into_iter()
@@ -211,12 +211,12 @@ pub fn tip_accuracy(
 }
 
 /// Up to [`WIDTH`] cranes along a course.
-fn together(
+fn simulate_group(
     model: &Description,
     estimator: &ScheduledLqrController,
     at_rest: &RestTable,
     controller: ControllerChoice,
-    group: &[(Member, Known)],
+    group: &[(Member, TipEstimators)],
     choice: &CourseChoice,
 ) -> Result<Vec<Result<Run, String>>, LabError> {
     let courses: Vec<Box<dyn Course>> =

@@ -13,6 +13,7 @@ use super::margins::exceeded;
 use super::replay::{at_rest, replayed};
 use super::saturation::saturations;
 use super::stages::Stages;
+use super::usability::outside_range;
 use crate::LabError;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use hydroboom_control::command::AxisCommand;

@@ -137,7 +137,7 @@ pub fn performance_bounds(
         return Ok(None);
     };
     let known = Knowledge::new(crane, &along, payloads);
-    let all_known = known.left(true, true, true);
+    let all_known = known.remaining_error(true, true, true);
     let information_mm = all_known.rms_mm;
     let motor = |without: Option<Limit>| match without {
         Some(Limit::MotorSpeed) => by_slew.rms_mm,
@@ -154,8 +154,8 @@ pub fn performance_bounds(
             Limit::MotorSpeed => (by_speed.rms_mm, information_mm),
             Limit::Slew => (by_slew.rms_mm, information_mm),
             _ => (
-                known.left(!delay, !noise, !payload).rms_mm,
-                known.left(delay, noise, payload).rms_mm,
+                known.remaining_error(!delay, !noise, !payload).rms_mm,
+                known.remaining_error(delay, noise, payload).rms_mm,
             ),
         };
         LimitCost { limit, alone_mm, all_others_mm: motor(Some(limit)).hypot(others) }
@@ -223,12 +223,12 @@ struct Knowledge {
 }
 
 /// Remaining error due to incomplete information.
-struct Left {
+struct RemainingError {
     rms_mm: f64,
     covariances: Vec<[[f64; STATES]; STATES]>,
 }
 
-impl Left {
+impl RemainingError {
     fn payload_deviation(&self, k: usize) -> f64 {
         use hydroboom_control::estimation::reduced_model::state_index::PAYLOAD;
         self.covariances.get(k).map_or(0.0, |p| p[PAYLOAD][PAYLOAD].max(0.0).sqrt())
@@ -247,14 +247,14 @@ impl Knowledge {
     }
 
     /// Remaining error with or without delay, sensor noise and unknown payload.
-    fn left(&self, delay: bool, noise: bool, payload: bool) -> Left {
+    fn remaining_error(&self, delay: bool, noise: bool, payload: bool) -> RemainingError {
         let known = Information {
             initial: if payload { self.unknown } else { [[0.0; STATES]; STATES] },
             noise: if noise { self.noise } else { EXACT }.variances(),
             horizon: if delay { self.delay.periods() } else { 0.0 },
         };
         let found = self.course.prediction_error(&known);
-        Left { rms_mm: 1e3 * found.rms, covariances: found.covariances }
+        RemainingError { rms_mm: 1e3 * found.rms, covariances: found.covariances }
     }
 }
 
@@ -331,7 +331,7 @@ mod tests {
             }
             // coarser resolution of the pressure
             n.pressure_bits -= times.log2();
-            Knowledge::new(&crane, &along, PAYLOADS).left(true, true, false).rms_mm
+            Knowledge::new(&crane, &along, PAYLOADS).remaining_error(true, true, false).rms_mm
         };
         let [once, twice] = [1.0, 2.0].map(left);
         assert!((twice / once - 2.0).abs() < 1e-6, "{once} {twice} mm");

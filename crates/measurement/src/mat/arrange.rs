@@ -69,7 +69,7 @@ impl Arranged {
         times.extend(around.iter().cloned());
         self.names.extend(matrices.iter().map(|(name, _)| within(prefix, name)));
         let others = self.assign(prefix, matrices, (&times, own), wanted);
-        self.say_what_is_left_out(&others, &times);
+        self.remark_on_omitted(&others, &times);
         for (name, value) in entries {
             let path = within(prefix, name);
             match value {
@@ -168,7 +168,7 @@ impl Arranged {
         }
     }
 
-    fn say_what_is_left_out(&mut self, others: &[(String, &Matrix)], times: &[Time<'_>]) {
+    fn remark_on_omitted(&mut self, others: &[(String, &Matrix)], times: &[Time<'_>]) {
         let parameters = others.iter().filter(|(_, m)| m.values.len() <= 1).count();
         for (heading, matrix) in others.iter().filter(|(_, m)| m.values.len() > 1) {
             let shape: Vec<String> = matrix.dimensions.iter().map(usize::to_string).collect();

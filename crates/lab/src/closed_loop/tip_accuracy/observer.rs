@@ -53,7 +53,7 @@ impl Errors {
 }
 
 /// Estimators of the tip of one crane.
-pub(super) struct Known {
+pub(super) struct TipEstimators {
     unsurveyed: TipEstimator<f64>,
     surveyed: TipEstimator<f64>,
     map: HeightMap,
@@ -61,7 +61,7 @@ pub(super) struct Known {
     pub(super) noise: Matrix3<f64>,
 }
 
-impl Known {
+impl TipEstimators {
     /// Estimators of a model without a survey of the crane, and with one.
     pub(super) fn new(
         model: &Description,
@@ -97,7 +97,7 @@ pub(super) struct Run {
 /// Estimator of the tip beside a closed loop, compared with other methods and the truth.
 pub(super) struct Observer<'a> {
     controller: ScheduledLqrController,
-    known: &'a Known,
+    known: &'a TipEstimators,
     at_rest: &'a RestTable,
     memory: TipMemory<f64>,
     past: VecDeque<Sample>,
@@ -112,7 +112,7 @@ impl<'a> Observer<'a> {
     /// Before the first control period of a crane's course with a model's estimator.
     pub(super) fn new(
         controller: ScheduledLqrController,
-        known: &'a Known,
+        known: &'a TipEstimators,
         at_rest: &'a RestTable,
         model: &Description,
         crane: &Description,
