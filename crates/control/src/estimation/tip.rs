@@ -306,7 +306,7 @@ mod tests {
     const STIFF: TipParameters<f64> = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
     const BENDING: TipParameters<f64> = TipParameters { bending: 1.0, ..STIFF };
 
-    /// The crane with its mount at this place along the boom \[m\], and the foot below it, so that the boom lies level.
+    /// The crane with its mount at a place along the boom \[m\], and the foot below it: the boom lies level.
     fn level(mount: f64) -> TipModel<f64> {
         TipModel {
             mount_x: mount,

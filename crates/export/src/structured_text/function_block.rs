@@ -129,7 +129,7 @@ fn unrepresentable(graph: &Graph, plan: &Plan) -> Option<f64> {
     operands.filter_map(|node| graph.constant(node)).find(|value| !value.is_finite())
 }
 
-/// Names of variables; entries of a table have its name and their index. States have a prefix, inputs and outputs none.
+/// Names of variables; entries of a table have its name and their index. The names of states have a prefix.
 fn names_of(variables: &[&Variable], prefix: &str, names: &mut Names) -> Vec<String> {
     let mut of = |name: &str, unit: &str| match prefix {
         "" if unit == SWITCH => names.free(&switch_name(name)),

@@ -1,5 +1,5 @@
-//! Model predictive control: in each control period the commands over a horizon are planned anew, and the first of them
-//! is applied.
+//! Model predictive control: in each control period the commands over a horizon are planned anew, and the first is
+//! applied.
 
 use super::command_plan::CommandPlan;
 use super::estimated_machine::{EstimatedMachine, Now};
@@ -12,8 +12,8 @@ use hydroboom_control::reference::preview::Preview;
 
 /// Optimisation of the commands over the horizon.
 pub(super) trait Optimiser: Send {
-    /// Commands of the blocks \[rev/s\] for a reference; none if a factorisation fails or a value is not finite. `next` is
-    /// the last plan shifted by one period, if there is one.
+    /// Commands of the blocks \[rev/s\] for a reference; none if a factorisation fails or a value is not finite.
+    /// `next` is the last plan shifted by one period, if there is one.
     fn commands(
         &mut self,
         machine: &EstimatedMachine,
