@@ -11,7 +11,7 @@ use hydroboom_control::feedback::rollout::Rollout;
 use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrSettings};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::reference::governor::ReferenceGovernor;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, Numbers, Ranges};
 use hydroboom_math::Real;
 use std::f64::consts::TAU;
 
@@ -43,79 +43,23 @@ pub fn state_estimator(
     model: &ReducedModel<f64>,
     delay_cycles: usize,
 ) -> StateEstimator<f64> {
-    let (n, range) = (&description.numbers, description.ranges());
+    let n = &description.numbers;
     let tuning = &n.tuning;
     // where the crane file has no sensors, those of its virtual crane
     let (equipped, _) = description.virtual_crane();
     let sensors = &equipped.numbers;
-    // a range is assumed to be a uniform distribution
-    let deviation = |low: f64, high: f64| (high - low) / 12_f64.sqrt();
-    let middle = model.at(model.half_stroke, n.payload);
-    let per_kg = {
-        let heavy = model.at(model.half_stroke, model.maximum_payload).holding_pressure;
-        (heavy - model.at(model.half_stroke, 0.0).holding_pressure) / model.maximum_payload
-    };
-    let breakaway = (range.high.coulomb + range.high.stiction) / model.piston_area;
-    let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
-    let leakage = model.leakage(middle.holding_pressure)
-        * Real::clamp(worn - 1.0, tuning.estimator_least_leakage, tuning.estimator_most_leakage);
-    let initial_deviation = MachineState {
-        position: tuning.estimator_initial_position,
-        velocity: tuning.estimator_initial_velocity,
-        load_pressure: tuning.estimator_initial_pressure,
-        friction: model.coulomb,
-        disturbance: tuning.estimator_initial_disturbance,
-        unknown_flow: leakage,
-        payload: breakaway / per_kg.abs() / 3_f64.sqrt(),
-        transition_pressure: deviation(range.low.transition, range.high.transition),
-    };
-    let process_noise = MachineState {
-        position: tuning.estimator_position_drift,
-        velocity: tuning.estimator_velocity_drift,
-        load_pressure: 0.0,
-        friction: tuning.estimator_friction_drift,
-        disturbance: tuning.estimator_disturbance_drift,
-        unknown_flow: tuning.estimator_flow_drift,
-        payload: tuning.estimator_payload_drift * model.maximum_payload,
-        transition_pressure: tuning.estimator_transition_drift,
-    };
-    let largest = MachineState {
-        position: 2.0 * n.stroke,
-        velocity: tuning.estimator_largest_velocity,
-        load_pressure: tuning.estimator_largest_pressure,
-        friction: tuning.estimator_largest_friction * model.coulomb,
-        disturbance: tuning.estimator_largest_disturbance,
-        unknown_flow: tuning.estimator_largest_flow * n.motor_speed,
-        payload: model.maximum_payload,
-        transition_pressure: tuning.estimator_highest_transition,
-    };
-    let lowest = MachineState {
-        payload: 0.0,
-        transition_pressure: tuning.estimator_lowest_transition,
-        ..largest.map(|value| -value)
-    };
-    // a value that stands to one side of its range is off by more than the range's own deviation
-    let about =
-        |value: f64, low: f64, high: f64| deviation(low, high).hypot(0.5 * (low + high) - value);
-    let considered = ConsideredParameters {
-        coulomb: about(n.coulomb, range.low.coulomb, range.high.coulomb) / model.piston_area,
-        viscous: about(n.viscous, range.low.viscous, range.high.viscous) / model.piston_area,
-        displacement: model.displacement
-            * (about(n.displacement, range.low.displacement, range.high.displacement)
-                / n.displacement)
-                .hypot(about(n.flow_gain, range.low.flow_gain, range.high.flow_gain) / n.flow_gain),
-        equivalent_mass: tuning.estimator_mass_deviation,
-        sensor_lag: tuning.estimator_sensor_lag,
-    };
+    let range = description.ranges();
+    let per_kg = pressure_per_payload(model);
+    let [lowest, highest] = state_limits(n, model);
     let position = sensors.position_noise.hypot(sensors.position_resolution / 12_f64.sqrt());
     let pressure = sensors.pressure_noise * sensors.pressure_span;
     let filter = ExtendedKalmanFilter {
         model: *model,
-        initial_deviation,
-        process_noise,
+        initial_deviation: initial_deviation(n, &range, model),
+        process_noise: process_noise(n, model),
         flow_ripple: tuning.estimator_flow_ripple,
         lowest,
-        highest: largest,
+        highest,
         measurement_noise: [
             position.max(tuning.estimator_position_noise),
             pressure.hypot(tuning.estimator_pressure_noise),
@@ -127,10 +71,10 @@ pub fn state_estimator(
             true => 1.0 / (TAU * sensors.sensor_bandwidth),
             false => 0.0,
         },
-        considered,
+        considered: considered_parameters(n, &range, model),
         payload_arm: tuning.estimator_payload_position / n.payload_x.max(1e-3),
-        payload_change: deviation(0.0, model.maximum_payload),
-        force_change: deviation(0.0, model.maximum_payload) * per_kg.abs(),
+        payload_change: uniform_deviation(0.0, model.maximum_payload),
+        force_change: uniform_deviation(0.0, model.maximum_payload) * per_kg.abs(),
         payload_variance_limit: tuning.estimator_payload_variance_limit,
         innovation_test: InnovationTest {
             time_constant: tuning.estimator_nis_time,
@@ -156,6 +100,99 @@ pub fn state_estimator(
         free_slew: tuning.estimator_free_slew,
         measurement_delay_cycles: delay_cycles,
         command_delay_cycles: delay_cycles,
+    }
+}
+
+/// Standard deviation of a value that is anywhere in its range: a uniform distribution.
+fn uniform_deviation(low: f64, high: f64) -> f64 {
+    (high - low) / 12_f64.sqrt()
+}
+
+/// Pressure that holds a payload, over its mass, in the middle of the stroke \[Pa/kg\].
+fn pressure_per_payload(model: &ReducedModel<f64>) -> f64 {
+    let heavy = model.at(model.half_stroke, model.maximum_payload).holding_pressure;
+    (heavy - model.at(model.half_stroke, 0.0).holding_pressure) / model.maximum_payload
+}
+
+/// Standard deviations of the initial state.
+fn initial_deviation(
+    n: &Numbers<f64>,
+    range: &Ranges,
+    model: &ReducedModel<f64>,
+) -> MachineState<f64> {
+    let tuning = &n.tuning;
+    let middle = model.at(model.half_stroke, n.payload);
+    let breakaway = (range.high.coulomb + range.high.stiction) / model.piston_area;
+    let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
+    let leakage = model.leakage(middle.holding_pressure)
+        * Real::clamp(worn - 1.0, tuning.estimator_least_leakage, tuning.estimator_most_leakage);
+    MachineState {
+        position: tuning.estimator_initial_position,
+        velocity: tuning.estimator_initial_velocity,
+        load_pressure: tuning.estimator_initial_pressure,
+        friction: model.coulomb,
+        disturbance: tuning.estimator_initial_disturbance,
+        unknown_flow: leakage,
+        payload: breakaway / pressure_per_payload(model).abs() / 3_f64.sqrt(),
+        transition_pressure: uniform_deviation(range.low.transition, range.high.transition),
+    }
+}
+
+/// Process noise: drift of each state.
+fn process_noise(n: &Numbers<f64>, model: &ReducedModel<f64>) -> MachineState<f64> {
+    let tuning = &n.tuning;
+    MachineState {
+        position: tuning.estimator_position_drift,
+        velocity: tuning.estimator_velocity_drift,
+        load_pressure: 0.0,
+        friction: tuning.estimator_friction_drift,
+        disturbance: tuning.estimator_disturbance_drift,
+        unknown_flow: tuning.estimator_flow_drift,
+        payload: tuning.estimator_payload_drift * model.maximum_payload,
+        transition_pressure: tuning.estimator_transition_drift,
+    }
+}
+
+/// Lowest and highest value of each state.
+fn state_limits(n: &Numbers<f64>, model: &ReducedModel<f64>) -> [MachineState<f64>; 2] {
+    let tuning = &n.tuning;
+    let highest = MachineState {
+        position: 2.0 * n.stroke,
+        velocity: tuning.estimator_largest_velocity,
+        load_pressure: tuning.estimator_largest_pressure,
+        friction: tuning.estimator_largest_friction * model.coulomb,
+        disturbance: tuning.estimator_largest_disturbance,
+        unknown_flow: tuning.estimator_largest_flow * n.motor_speed,
+        payload: model.maximum_payload,
+        transition_pressure: tuning.estimator_highest_transition,
+    };
+    let lowest = MachineState {
+        payload: 0.0,
+        transition_pressure: tuning.estimator_lowest_transition,
+        ..highest.map(|value| -value)
+    };
+    [lowest, highest]
+}
+
+/// Standard deviations of the consider parameters, which the filter does not estimate.
+fn considered_parameters(
+    n: &Numbers<f64>,
+    range: &Ranges,
+    model: &ReducedModel<f64>,
+) -> ConsideredParameters<f64> {
+    // a value that stands to one side of its range is off by more than the range's own deviation
+    let about = |value: f64, low: f64, high: f64| {
+        uniform_deviation(low, high).hypot(0.5 * (low + high) - value)
+    };
+    ConsideredParameters {
+        coulomb: about(n.coulomb, range.low.coulomb, range.high.coulomb) / model.piston_area,
+        viscous: about(n.viscous, range.low.viscous, range.high.viscous) / model.piston_area,
+        displacement: model.displacement
+            * (about(n.displacement, range.low.displacement, range.high.displacement)
+                / n.displacement)
+                .hypot(about(n.flow_gain, range.low.flow_gain, range.high.flow_gain) / n.flow_gain),
+        equivalent_mass: n.tuning.estimator_mass_deviation,
+        sensor_lag: n.tuning.estimator_sensor_lag,
     }
 }
 

@@ -12,7 +12,7 @@ use crate::DesignError;
 use crate::frequency_response::FrequencyResponse;
 use crate::linear::eigenvalues;
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
-use hydroboom_control::estimation::reduced_model::{MachineState, STATES};
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_control::estimation::state_estimator::{StateEstimator, StateEstimatorState};
 use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
 use hydroboom_control::reference::preview::Preview;
@@ -50,16 +50,7 @@ impl SmallSignalController {
         payload: f64,
         rod_side_term: f64,
     ) -> Self {
-        let model = &estimator.filter.model;
-        let load_pressure = model.at(position, payload).holding_pressure;
-        let rest = EstimatorInput {
-            position,
-            position_is_good: 1.0,
-            load_pressure,
-            load_pressure_is_good: 1.0,
-            rod_side_term,
-            motor_speed: model.leakage(load_pressure),
-        };
+        let rest = measured_at_rest(&estimator.filter.model, position, payload, rod_side_term);
         let mut estimated = estimator.start(&rest);
         for _ in 0..SETTLING {
             estimator.update(&mut estimated, &rest, rest.motor_speed);
@@ -135,6 +126,24 @@ impl SmallSignalController {
     }
 }
 
+/// Measurements at rest at a piston position \[m\] with a payload \[kg\]; the motor makes good the leakage.
+fn measured_at_rest(
+    model: &ReducedModel<f64>,
+    position: f64,
+    payload: f64,
+    rod_side_term: f64,
+) -> EstimatorInput<f64> {
+    let load_pressure = model.at(position, payload).holding_pressure;
+    EstimatorInput {
+        position,
+        position_is_good: 1.0,
+        load_pressure,
+        load_pressure_is_good: 1.0,
+        rod_side_term,
+        motor_speed: model.leakage(load_pressure),
+    }
+}
+
 /// The controller at its operating point.
 struct Settled<'a> {
     estimator: &'a StateEstimator<f64>,
@@ -192,16 +201,7 @@ mod tests {
         let (position, payload, rod_side_term) = (0.25, 250.0, 1.5e5);
         let linear =
             SmallSignalController::at_rest(&estimator, &law, position, payload, rod_side_term);
-        let model = &estimator.filter.model;
-        let load_pressure = model.at(position, payload).holding_pressure;
-        let rest = EstimatorInput {
-            position,
-            position_is_good: 1.0,
-            load_pressure,
-            load_pressure_is_good: 1.0,
-            rod_side_term,
-            motor_speed: model.leakage(load_pressure),
-        };
+        let rest = measured_at_rest(&estimator.filter.model, position, payload, rod_side_term);
         let preview = Preview::at_rest(law.period, position);
         let sizes = [1e-7, 1e1, 1e-3];
         for (which, frequency) in [(0, 1.0), (0, 8.0), (1, 2.0), (1, 20.0), (2, 5.0)] {

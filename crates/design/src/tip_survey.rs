@@ -72,6 +72,82 @@ impl SurveyPoint {
     fn load(&self) -> TipLoad<f64> {
         TipLoad { piston: self.stroke, payload: self.payload, acceleration: 0.0 }
     }
+
+    /// Pose in a row of a survey, with the places of its columns: each number in its range, and the tip near that of a
+    /// rigid boom. `wrong` makes an error of line, reason and advice.
+    fn read(
+        row: &csv::StringRecord,
+        places: [usize; COLUMNS.len()],
+        description: &Description,
+        estimator: &TipEstimator<f64>,
+        wrong: &impl Fn(Option<usize>, String, &str) -> SurveyError,
+    ) -> Result<Self, SurveyError> {
+        let line = row.position().map_or(0, |place| place.line() as usize);
+        let mut numbers = [0.0; COLUMNS.len()];
+        for ((number, place), column) in numbers.iter_mut().zip(places).zip(COLUMNS) {
+            let text = row.get(place).unwrap_or("nothing");
+            *number = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+                let reason = format!("{column} is {text}");
+                wrong(Some(line), reason, "it is a number")
+            })?;
+        }
+        let [stroke, payload, x, y, deviation] = numbers;
+        let longest = description.numbers.stroke * 1e3;
+        for (column, value, low, high, unit) in [
+            ("stroke_mm", stroke, 0.0, longest, "mm, the cylinder's stroke"),
+            ("payload_kg", payload, 0.0, 1e6, "kg"),
+            ("deviation_mm", deviation, 1e-3, 100.0, "mm"),
+        ] {
+            if !(low..=high).contains(&value) {
+                let advice = format!("it is from {low} to {high} {unit}");
+                return Err(wrong(Some(line), format!("{column} is {value}"), &advice));
+            }
+        }
+        let point = Self {
+            line,
+            stroke: stroke * 1e-3,
+            payload,
+            tip: [x * 1e-3, y * 1e-3],
+            deviation: deviation * 1e-3,
+        };
+        let rigid = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
+        let [rigid_x, rigid_y] = estimator.model.position(&rigid, &point.load());
+        let off = (point.tip[0] - rigid_x).hypot(point.tip[1] - rigid_y);
+        if off > FARTHEST * estimator.model.length {
+            let reason = format!(
+                "tip_x_mm, tip_y_mm is {x}, {y}, and a rigid boom's tip at {stroke} mm is {:.0}, {:.0}",
+                rigid_x * 1e3,
+                rigid_y * 1e3
+            );
+            let advice = "positions are from the boom's bearing, to the right and upwards, in mm";
+            return Err(wrong(Some(line), reason, advice));
+        }
+        Ok(point)
+    }
+}
+
+/// Refuses poses that are too few, or alike in stroke or payload.
+fn check_poses(
+    points: &[SurveyPoint],
+    description: &Description,
+    wrong: impl Fn(Option<usize>, String, &str) -> SurveyError,
+) -> Result<(), SurveyError> {
+    let differ = |of: fn(&SurveyPoint) -> f64, by: f64| {
+        let values = || points.iter().map(of);
+        values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min) >= by
+    };
+    let advice = "survey five poses over the stroke, each empty and with a heavy load";
+    if points.len() < FEWEST {
+        let reason = format!("{} poses, and at least {FEWEST} are needed", points.len());
+        return Err(wrong(None, reason, advice));
+    }
+    if !differ(|p| p.stroke, 0.2 * description.numbers.stroke) {
+        return Err(wrong(None, "poses over less than a fifth of the stroke".into(), advice));
+    }
+    if !differ(|p| p.payload, 1.0) {
+        return Err(wrong(None, "a single load".into(), advice));
+    }
+    Ok(())
 }
 
 /// Survey of the boom's tip at several poses.
@@ -129,64 +205,9 @@ impl TipSurvey {
         let mut points = Vec::new();
         for row in reader.records() {
             let row = row.map_err(|error| wrong(None, error.to_string(), &expected))?;
-            let line = row.position().map_or(0, |place| place.line() as usize);
-            let mut numbers = [0.0; COLUMNS.len()];
-            for ((number, place), column) in numbers.iter_mut().zip(places).zip(COLUMNS) {
-                let text = row.get(place).unwrap_or("nothing");
-                *number = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
-                    let reason = format!("{column} is {text}");
-                    wrong(Some(line), reason, "it is a number")
-                })?;
-            }
-            let [stroke, payload, x, y, deviation] = numbers;
-            let longest = description.numbers.stroke * 1e3;
-            for (column, value, low, high, unit) in [
-                ("stroke_mm", stroke, 0.0, longest, "mm, the cylinder's stroke"),
-                ("payload_kg", payload, 0.0, 1e6, "kg"),
-                ("deviation_mm", deviation, 1e-3, 100.0, "mm"),
-            ] {
-                if !(low..=high).contains(&value) {
-                    let advice = format!("it is from {low} to {high} {unit}");
-                    return Err(wrong(Some(line), format!("{column} is {value}"), &advice));
-                }
-            }
-            let point = SurveyPoint {
-                line,
-                stroke: stroke * 1e-3,
-                payload,
-                tip: [x * 1e-3, y * 1e-3],
-                deviation: deviation * 1e-3,
-            };
-            let rigid = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
-            let [rigid_x, rigid_y] = estimator.model.position(&rigid, &point.load());
-            let off = (point.tip[0] - rigid_x).hypot(point.tip[1] - rigid_y);
-            if off > FARTHEST * estimator.model.length {
-                let reason = format!(
-                    "tip_x_mm, tip_y_mm is {x}, {y}, and a rigid boom's tip at {stroke} mm is {:.0}, {:.0}",
-                    rigid_x * 1e3,
-                    rigid_y * 1e3
-                );
-                let advice =
-                    "positions are from the boom's bearing, to the right and upwards, in mm";
-                return Err(wrong(Some(line), reason, advice));
-            }
-            points.push(point);
+            points.push(SurveyPoint::read(&row, places, description, &estimator, &wrong)?);
         }
-        let differ = |of: fn(&SurveyPoint) -> f64, by: f64| {
-            let values = || points.iter().map(of);
-            values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min) >= by
-        };
-        let advice = "survey five poses over the stroke, each empty and with a heavy load";
-        if points.len() < FEWEST {
-            let reason = format!("{} poses, and at least {FEWEST} are needed", points.len());
-            return Err(wrong(None, reason, advice));
-        }
-        if !differ(|p| p.stroke, 0.2 * description.numbers.stroke) {
-            return Err(wrong(None, "poses over less than a fifth of the stroke".into(), advice));
-        }
-        if !differ(|p| p.payload, 1.0) {
-            return Err(wrong(None, "a single load".into(), advice));
-        }
+        check_poses(&points, description, wrong)?;
         Ok(Self { file: file.into(), points })
     }
 

@@ -131,7 +131,34 @@ fn recording(
     let next = numbers(&moved);
     let (before, after) = (crane.outputs(&now), crane.outputs(&moved));
 
-    // names intermediate results: they are computed again, which gives the same nodes
+    let labels = labels(&crane, &now, &input, &moved, &before);
+    let start = description.start_over(&given, given.motion_start);
+    let balanced = numbers(&crane.balanced(&start, &now));
+    Ok(Recorded {
+        graph: Rc::default(),
+        parameters,
+        inputs: [speed, valve].into_iter().map(noded).collect(),
+        step: noded(step),
+        states: states.into_iter().map(noded).collect(),
+        next,
+        balanced,
+        before,
+        after,
+        load_pressure: [&before, &after]
+            .map(|seen| crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b).node()),
+        labels,
+    })
+}
+
+/// Names and meanings of intermediate results of a step from `now` to `moved`. They are computed again: that gives the
+/// same nodes.
+fn labels(
+    crane: &Crane<E, SEGMENTS>,
+    now: &CraneState<E, SEGMENTS>,
+    input: &Input<E>,
+    moved: &CraneState<E, SEGMENTS>,
+    before: &Outputs<E>,
+) -> HashMap<Node, (String, String)> {
     let mut labels = HashMap::new();
     let mut label = |number: E, name: &str, comment: &str| {
         let taken = || (plain(name), comment.trim().to_string());
@@ -139,7 +166,7 @@ fn recording(
     };
     let coordinates = now.circuit.nodes.to_array();
     let pressures = crane.circuit.pressures(&now.circuit).to_array();
-    let rates = crane.derivative(&now, &input);
+    let rates = crane.derivative(now, input);
     for (k, pressure) in pressures.into_iter().enumerate() {
         let name = Nodes::NAMES[k];
         label(pressure, &format!("p_{name}"), Nodes::MEANINGS[k]);
@@ -153,7 +180,7 @@ fn recording(
         label(rates.circuit.nodes.to_array()[k], &format!("dp_{name}"), &comment);
     }
     label(rates.circuit.gas_volume, "d_gas_volume", "Rate of change of V_g, equation (A21)");
-    for (k, flow) in crane.flows(&now, &input).to_array().into_iter().enumerate() {
+    for (k, flow) in crane.flows(now, input).to_array().into_iter().enumerate() {
         let meaning = Flows::MEANINGS[k].trim();
         let comment = match FLOW_EQUATIONS.get(k) {
             Some(equation) => format!("{meaning}, equation {equation}"),
@@ -184,22 +211,7 @@ fn recording(
             label(value, &name, &of);
         }
     }
-    let start = description.start_over(&given, given.motion_start);
-    let balanced = numbers(&crane.balanced(&start, &now));
-    Ok(Recorded {
-        graph: Rc::default(),
-        parameters,
-        inputs: [speed, valve].into_iter().map(noded).collect(),
-        step: noded(step),
-        states: states.into_iter().map(noded).collect(),
-        next,
-        balanced,
-        before,
-        after,
-        load_pressure: [&before, &after]
-            .map(|seen| crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b).node()),
-        labels,
-    })
+    labels
 }
 
 fn load_pressure() -> Variable {

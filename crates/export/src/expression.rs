@@ -48,38 +48,26 @@ pub fn record<R>(work: impl FnOnce() -> R) -> (Graph, R) {
 }
 
 macro_rules! binary {
-    ($Trait:ident, $name:ident) => {
-        impl $Trait for Expression {
+    ($Number:ident, $Trait:ident, $name:ident, $Op:ident) => {
+        impl $Trait for $Number {
             type Output = Self;
             fn $name(self, other: Self) -> Self {
-                Self(push(Op::$Trait(self.0, other.0)))
+                Self(push(Op::$Op(self.0, other.0)))
             }
         }
     };
 }
-binary!(Add, add);
-binary!(Sub, sub);
-binary!(Mul, mul);
-binary!(Div, div);
+binary!(Expression, Add, add, Add);
+binary!(Expression, Sub, sub, Sub);
+binary!(Expression, Mul, mul, Mul);
+binary!(Expression, Div, div, Div);
+binary!(Condition, BitAnd, bitand, And);
+binary!(Condition, BitOr, bitor, Or);
 
 impl Neg for Expression {
     type Output = Self;
     fn neg(self) -> Self {
         Self(push(Op::Neg(self.0)))
-    }
-}
-
-impl BitAnd for Condition {
-    type Output = Self;
-    fn bitand(self, other: Self) -> Self {
-        Self(push(Op::And(self.0, other.0)))
-    }
-}
-
-impl BitOr for Condition {
-    type Output = Self;
-    fn bitor(self, other: Self) -> Self {
-        Self(push(Op::Or(self.0, other.0)))
     }
 }
 

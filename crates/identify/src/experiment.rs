@@ -5,7 +5,7 @@ use crate::error::IdentifyError;
 use crate::fault_isolation::Fault;
 use crate::motor::MotorCommand;
 use crate::noise::noise;
-use crate::oscillation::{final_value, is_held, release};
+use crate::oscillation::{Release, final_value, is_held, release};
 use crate::prediction::{INITIAL_VALUES, STEPS};
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
@@ -30,6 +30,31 @@ pub struct Window {
     pub from: Option<f64>,
     /// End \[s\]; the log's end if none.
     pub to: Option<f64>,
+}
+
+impl Window {
+    /// The window's part \[s\] of a log in which position and driving signal are measured from `first` to `last`, or
+    /// the reason why there is none.
+    fn within(&self, first: f64, last: f64, driving: Signal) -> Result<(f64, f64), String> {
+        let begin = self.from.map_or(first, |from| from.max(first));
+        let end = self.to.map_or(last, |to| to.min(last));
+        if end <= begin {
+            let place = match () {
+                () if begin > last => "beyond the end of the log",
+                () if end < first => "before the beginning of the log",
+                () => "no time",
+            };
+            let requested = [(self.from, "from"), (self.to, "to")].into_iter();
+            let requested: Vec<String> =
+                requested.filter_map(|(at, word)| Some(format!("{word} {:.3} s", at?))).collect();
+            return Err(format!(
+                "{} is {place}: position and {} are measured from {first:.3} to {last:.3} s",
+                requested.join(" "),
+                driving.symbol()
+            ));
+        }
+        Ok((begin, end))
+    }
 }
 
 /// Measured values of all compared signals at one time.
@@ -90,6 +115,14 @@ pub(crate) struct Times {
     pub(crate) count: usize,
 }
 
+impl Times {
+    /// Grid of whole periods \[s\] from a beginning to an end \[s\].
+    fn between(begin: f64, end: f64, period: f64) -> Self {
+        let count = ((end - begin) / period).floor();
+        Self { begin, period, count: count.clamp(0.0, 1e8) as usize }
+    }
+}
+
 /// Input period for a crane file without a control period \[s\].
 const INPUT_PERIOD: f64 = 1e-3;
 /// Interval of the comparison \[s\]: a period of the boom's first mode has about a hundred samples, one of
@@ -99,6 +132,9 @@ const INTERVAL: f64 = 5e-3;
 const INITIAL_TIME: f64 = 0.05;
 /// Velocity below which the crane is at rest \[m/s\].
 const REST: f64 = 2e-3;
+/// Remark on a log that begins in motion.
+const IN_MOTION: &str =
+    "it begins in motion, and the model at rest: the first seconds differ for that reason";
 /// Largest number of omitted segments in a remark.
 const MOST_LISTED: usize = 5;
 /// Initial time at rest that counts as a start at rest \[s\].
@@ -126,32 +162,9 @@ impl Experiment {
             let symbol = driving.symbol();
             wrong(format!("position and {symbol} were never measured at the same time"))
         })?;
-        let begin = window.from.map_or(first, |from| from.max(first));
-        let end = window.to.map_or(last, |to| to.min(last));
-        if end <= begin {
-            let place = match () {
-                () if begin > last => "beyond the end of the log",
-                () if end < first => "before the beginning of the log",
-                () => "no time",
-            };
-            let requested = [(window.from, "from"), (window.to, "to")].into_iter();
-            let requested: Vec<String> =
-                requested.filter_map(|(at, word)| Some(format!("{word} {:.3} s", at?))).collect();
-            return Err(wrong(format!(
-                "{} is {place}: position and {} are measured from {first:.3} to {last:.3} s",
-                requested.join(" "),
-                driving.symbol()
-            )));
-        }
-        let n = &model.numbers;
-        let period = match model.choices.circuit {
-            CircuitChoice::SelfContained => n.control_period,
-            CircuitChoice::ValveControlled => INPUT_PERIOD,
-        };
-        let times = |begin: f64| {
-            let count = ((end - begin) / period).floor();
-            Times { begin, period, count: count.clamp(0.0, 1e8) as usize }
-        };
+        let (begin, end) = window.within(first, last, driving).map_err(wrong)?;
+        let period = input_period(model);
+        let times = |begin: f64| Times::between(begin, end, period);
         // an oscillation test begins at the release of the boom, and its equilibrium is the final value
         let mut said = Vec::new();
         let whole = Drive::new(model, driving, signals, &times(begin), &mut said);
@@ -159,13 +172,7 @@ impl Experiment {
             true => release(signals, begin, end),
             false => None,
         };
-        if let Some(release) = release {
-            remarks.push(format!(
-                "an oscillation test: the load is held, the boom let go at {:.3} s with p_A {:+.2} bar off",
-                release.time,
-                release.deflection * 1e-5
-            ));
-        }
+        remarks.extend(release.map(Release::remark));
         let begin = release.map_or(begin, |release| release.time);
         let count = ((end - begin) / period).floor();
         if !(100.0..1e8).contains(&count) {
@@ -182,36 +189,22 @@ impl Experiment {
         if motor_command.is_none() {
             tracks[CRANE] = None;
         }
-        let samples: Vec<Sample> = (0..=count as usize)
-            .step_by(every)
-            .map(|k| {
-                let time = k as f64 * period;
-                Sample { time, values: tracks.map(|t| t.and_then(|t| t.at(begin + time))) }
-            })
-            .collect();
-        let average = |track: Option<&Track>| match release {
+        let sample = |k: usize| {
+            let time = k as f64 * period;
+            Sample { time, values: tracks.map(|t| t.and_then(|t| t.at(begin + time))) }
+        };
+        let beginnings = tracks.map(|track| match release {
             Some(_) => final_value(track?, begin, end),
             None => initial_value(track?, begin),
-        };
-        let stroke = average(Some(position))
-            .ok_or_else(|| wrong(format!("no position at its beginning, {begin:.3} s")))?;
+        });
+        let [stroke, ..] = beginnings;
+        let stroke =
+            stroke.ok_or_else(|| wrong(format!("no position at its beginning, {begin:.3} s")))?;
         let later = position.at(begin + REST_TIME);
         let is_moving =
             release.is_none() && later.is_some_and(|x| (x - stroke).abs() > REST * REST_TIME);
-        if is_moving {
-            remarks.push(
-                "it begins in motion, and the model at rest: the first seconds differ for that reason".into(),
-            );
-        }
-        let [_, pump_a, piston_side, rod_side, pump_b, accumulator, _] = tracks.map(average);
-        let stroke = Some(stroke.clamp(0.0, n.stroke));
-        let initial_values = match model.choices.circuit {
-            CircuitChoice::SelfContained => {
-                let deflection = release.map(|release| release.deflection);
-                [stroke, pump_a, rod_side, pump_b, accumulator, deflection]
-            }
-            CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None, None],
-        };
+        remarks.extend(is_moving.then(|| IN_MOTION.to_string()));
+        let initial_values = initial_values(model, beginnings, release);
         let driven = match is_held(&drive) {
             true => 0.0,
             false => signals.get(driving).map_or(0.0, Track::interval),
@@ -227,7 +220,7 @@ impl Experiment {
             every,
             merged: 1,
             steps: STEPS,
-            samples,
+            samples: (0..=count as usize).step_by(every).map(sample).collect(),
             filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
             initial_values,
             noise: tracks.map(|track| track.map_or(0.0, |track| noise(track, begin, end))),
@@ -413,6 +406,31 @@ fn between(values: &[Option<f64>], at: f64) -> Option<f64> {
         return Some(first);
     }
     Some(first + share * (sample(before + 1.0)? - first))
+}
+
+/// Duration of each input of a model \[s\].
+fn input_period(model: &Description) -> f64 {
+    match model.choices.circuit {
+        CircuitChoice::SelfContained => model.numbers.control_period,
+        CircuitChoice::ValveControlled => INPUT_PERIOD,
+    }
+}
+
+/// Initial values of a simulation from those of the compared signals.
+fn initial_values(
+    model: &Description,
+    beginnings: [Option<f64>; COMPARED.len()],
+    release: Option<Release>,
+) -> [Option<f64>; INITIAL_VALUES] {
+    let [stroke, pump_a, piston_side, rod_side, pump_b, accumulator, _] = beginnings;
+    let stroke = stroke.map(|stroke| stroke.clamp(0.0, model.numbers.stroke));
+    match model.choices.circuit {
+        CircuitChoice::SelfContained => {
+            let deflection = release.map(|release| release.deflection);
+            [stroke, pump_a, rod_side, pump_b, accumulator, deflection]
+        }
+        CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None, None],
+    }
 }
 
 /// Initial value of a signal by linear regression over its first samples, because a pump side leaks by bars

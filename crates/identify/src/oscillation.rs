@@ -22,6 +22,17 @@ pub(crate) struct Release {
     pub(crate) deflection: f64,
 }
 
+impl Release {
+    /// Remark on its log.
+    pub(crate) fn remark(self) -> String {
+        format!(
+            "an oscillation test: the load is held, the boom let go at {:.3} s with p_A {:+.2} bar off",
+            self.time,
+            self.deflection * 1e-5
+        )
+    }
+}
+
 /// Whether the machine is not driven and its load is held throughout.
 pub(crate) fn is_held(drive: &Drive) -> bool {
     match drive {

@@ -23,6 +23,7 @@ pub mod log_verdict;
 pub mod mat_file;
 pub mod motion_test;
 pub mod numerical_damping;
+mod off_model;
 pub mod paper;
 pub mod performance_bounds;
 pub mod report;

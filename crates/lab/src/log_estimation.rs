@@ -7,12 +7,14 @@
 
 pub(crate) mod filter_run;
 mod input_signals;
+mod measurements;
 
 use crate::LabError;
 use crate::log_verdict::likelihood::{delay, likeliest_noise, noise_findings};
 use crate::log_verdict::{SignalFinding, Verdict, is_consistent, verdict};
 use crate::virtual_estimates::OF_STATE;
 use filter_run::{ALL, Run, Source, run};
+use hydroboom_control::estimation::extended_kalman_filter::ExtendedKalmanFilter;
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
@@ -163,17 +165,9 @@ pub fn estimate(
             "has a position from {first:.3} to {last:.3} s, of which {begin:.3} to {end:.3} s is left; a tenth of a second is needed, and a day at most"
         )));
     }
-    let steps = interval.map(|interval| (interval / period).max(1.0));
-    // the time constant of the innovation test counts measurements: it is scaled to the log's interval
-    estimator.filter.innovation_test.time_constant /=
-        if steps[1].is_finite() { 0.5 * (steps[0] + steps[1]) } else { steps[0] };
     let area_ratio = description.cylinder().area_ratio();
     let load_pressure = load_pressures(pressure_a, pressure_b, area_ratio);
-    let found = [scatter(position.values()), scatter(&load_pressure)];
-    for (noise, found) in estimator.filter.measurement_noise.iter_mut().zip(found) {
-        *noise = noise.max(found);
-    }
-    estimator.filter.sensor_lag += position.filter();
+    adapt_to_log(&mut estimator.filter, position, &load_pressure, interval);
     let speed = signals.get(Signal::MotorSpeed).filter(|_| unknown_flow_prior.is_none());
     let command = signals.get(Signal::MotorCommand).filter(|_| unknown_flow_prior.is_none());
     let is_fine = |track: Option<&Track>| interval_of(track) <= FINE * period;
@@ -223,6 +217,24 @@ pub fn estimate(
         verdict,
         remarks,
     })
+}
+
+/// Adapts the filter to a log's sampling intervals \[s\], to its noise, and to the filter of its position.
+fn adapt_to_log(
+    filter: &mut ExtendedKalmanFilter<f64>,
+    position: &Track,
+    load_pressure: &[f64],
+    interval: [f64; 2],
+) {
+    let steps = interval.map(|interval| (interval / filter.period).max(1.0));
+    // the time constant of the innovation test counts measurements: it is scaled to the log's interval
+    filter.innovation_test.time_constant /=
+        if steps[1].is_finite() { 0.5 * (steps[0] + steps[1]) } else { steps[0] };
+    let found = [scatter(position.values()), scatter(load_pressure)];
+    for (noise, found) in filter.measurement_noise.iter_mut().zip(found) {
+        *noise = noise.max(found);
+    }
+    filter.sensor_lag += position.filter();
 }
 
 /// Estimator for a crane's circuit, with the prior of the unknown flow where no motor speed tells the flow.

@@ -5,6 +5,7 @@ use crate::closed_loop::scenario::Course;
 use crate::double_damping::{DoubleDamping, double_damping};
 use crate::energy_audit::{Audit, audit};
 use crate::numerical_damping::{NumericalDamping, numerical_damping};
+use crate::off_model::off_model;
 use crate::work_precision::{Point, work_precision};
 use crate::{LabError, calibrate, eigenfrequency, paper};
 use crate::{
@@ -12,7 +13,7 @@ use crate::{
     motion_test::run_all,
 };
 use hydroboom_control::strategy::Strategy;
-use hydroboom_description::{Description, OFF_MODEL};
+use hydroboom_description::Description;
 use hydroboom_design::stability::{
     LoopStability, remark_on_expected_lags, stability_of, stable_with_expected_lags,
 };
@@ -133,7 +134,7 @@ pub struct Study {
 impl Study {
     /// Remarks on unstable loops, a sentence each; empty if all are stable.
     pub fn unstable_loops(&self) -> Vec<String> {
-        said_of_unstable(&self.loops, &self.stable_with_expected_lags)
+        remarks_on_unstable(&self.loops, &self.stable_with_expected_lags)
     }
 
     /// Run of a strategy at a speed \[mm/s\] on a plant; none if there is no such run.
@@ -149,7 +150,7 @@ impl Study {
     }
 }
 
-fn said_of_unstable(
+fn remarks_on_unstable(
     loops: &[PlantLoops],
     stable_with_expected_lags: &[LoopStability],
 ) -> Vec<String> {
@@ -188,6 +189,16 @@ struct VirtualResults {
     damping: DoubleDamping,
 }
 
+impl VirtualResults {
+    /// Table 6 of the fast motion under velocity feedforward.
+    fn differences(&self) -> Option<[(f64, f64); 6]> {
+        let [_, fast] = &self.alongside;
+        let is_fast =
+            |run: &&Run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.course;
+        self.runs.iter().find(is_fast).and_then(|run| differences_of(fast, run))
+    }
+}
+
 /// Eigenfrequencies at the paper's strokes \[Hz\], load held, without friction.
 fn locked_modes(crane: &Description) -> Result<[f64; 3], LabError> {
     let frictionless = eigenfrequency::without_friction(crane)?;
@@ -221,6 +232,95 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
     })
 }
 
+/// Results of the nominal and the off-model plant.
+struct MotionTests {
+    /// Runs of all strategies at both speeds, each with the name of its plant.
+    runs: Vec<(String, Run)>,
+    /// On the nominal plant.
+    damping: DoubleDamping,
+    work_precision: Vec<Point>,
+}
+
+fn motion_tests(
+    description: &Description,
+    off: &Description,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<MotionTests, LabError> {
+    let n = &description.numbers;
+    let mut runs = Vec::new();
+    for (name, plant) in [(NOMINAL, description), (OFF, off)] {
+        for speed in [n.slow, n.fast] {
+            let all = run_all(description, plant, &description.motion(speed))?;
+            runs.extend(all.into_iter().map(|run| (name.to_string(), run)));
+        }
+        progress(&format!("motion tests, {name} plant"));
+    }
+    let fast = description.motion(n.fast);
+    let damping = double_damping(description, NOMINAL, description, &fast, &[])?;
+    let work_precision = work_precision(description)?;
+    progress("work and precision");
+    Ok(MotionTests { runs, damping, work_precision })
+}
+
+/// Results of the experiments beside the motion tests, and of the virtual crane.
+struct OtherExperiments {
+    eigenfrequency: Vec<eigenfrequency::Row>,
+    /// Eigenfrequencies of the off-model plant \[Hz\].
+    off_hz: [f64; 3],
+    oscillation: eigenfrequency::Oscillation,
+    virtual_results: Option<VirtualResults>,
+    energy: EnergyResults,
+}
+
+fn other_experiments(
+    description: &Description,
+    off: &Description,
+    virtual_crane: Option<&Description>,
+    is_papers_crane: bool,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<OtherExperiments, LabError> {
+    let virtual_results = match virtual_crane {
+        Some(crane) => Some(virtual_results(description, crane)?),
+        None => None,
+    };
+    progress("virtual crane");
+    let mut eigenfrequency = Vec::new();
+    for stroke_mm in paper::EIGEN_STROKE_MM {
+        let row = eigenfrequency::row(description, stroke_mm * 1e-3)?;
+        eigenfrequency.push(if is_papers_crane { row } else { row.without_paper() });
+    }
+    let drop = description.numbers.oscillation_drop;
+    let oscillation = eigenfrequency::oscillation(description, 0.2, drop)?;
+    let off_hz = locked_modes(off)?;
+    progress("eigenfrequencies");
+    let mut audits = Vec::new();
+    for step in [2.0, 1.0, 0.5] {
+        audits.push(audit(description, Scheme::Implicit, step * IMPLICIT_STEP)?);
+    }
+    let numerical_damping = numerical_damping(description)?;
+    let energy = EnergyResults { audits, numerical_damping };
+    progress("energy audit");
+    Ok(OtherExperiments { eigenfrequency, off_hz, oscillation, virtual_results, energy })
+}
+
+/// Run of velocity feedforward at the fast speed \[m/s\] on a plant.
+fn fast_feedforward<'a>(runs: &'a [(String, Run)], plant: &str, fast: f64) -> Option<&'a Run> {
+    let is_it = |(name, run): &&(String, Run)| {
+        name == plant && run.strategy == Strategy::VelocityFeedforward && run.speed == fast
+    };
+    runs.iter().find(is_it).map(|(_, run)| run)
+}
+
+/// Rows of Tables 7 to 9.
+fn rows(runs: &[(String, Run)], loops: &[PlantLoops], is_papers_crane: bool) -> Vec<Row> {
+    let row = |(plant, run): &(String, Run)| {
+        let around = loops.iter().find(|of| of.plant == plant);
+        let row = Row::of(plant, run).with_loops(around.map_or(&[], |of| &of.loops));
+        if is_papers_crane { row } else { row.without_paper() }
+    };
+    runs.iter().map(row).collect()
+}
+
 /// Runs the study on a crane, and on a virtual crane that represents the real one, if given.
 ///
 /// The paper's values are shown for its own crane only (`is_papers_crane`), with or without overrides.
@@ -238,71 +338,31 @@ pub fn study(
     let (off, off_model) = off_model(description)?;
     let n = &description.numbers;
     // two workers: the motion tests, and all other experiments
-    let (runs, rest) = thread::scope(|scope| {
-        let rest = scope.spawn(|| {
-            let virtual_results = match virtual_crane {
-                Some(crane) => Some(virtual_results(description, crane)?),
-                None => None,
-            };
-            progress("virtual crane");
-            let mut rows = Vec::new();
-            for stroke_mm in paper::EIGEN_STROKE_MM {
-                let row = eigenfrequency::row(description, stroke_mm * 1e-3)?;
-                rows.push(if is_papers_crane { row } else { row.without_paper() });
-            }
-            let oscillation = eigenfrequency::oscillation(description, 0.2, n.oscillation_drop)?;
-            let off_hz = locked_modes(&off)?;
-            progress("eigenfrequencies");
-            let mut audits = Vec::new();
-            for step in [2.0, 1.0, 0.5] {
-                audits.push(audit(description, Scheme::Implicit, step * IMPLICIT_STEP)?);
-            }
-            let numerical_damping = numerical_damping(description)?;
-            let energy = EnergyResults { audits, numerical_damping };
-            progress("energy audit");
-            Ok::<_, LabError>((rows, off_hz, oscillation, virtual_results, energy))
+    let (tested, others) = thread::scope(|scope| {
+        let others = scope.spawn(|| {
+            other_experiments(description, &off, virtual_crane, is_papers_crane, progress)
         });
-        let runs = (|| {
-            let mut runs = Vec::new();
-            for (name, plant) in [(NOMINAL, description), (OFF, &off)] {
-                for speed in [n.slow, n.fast] {
-                    let all = run_all(description, plant, &description.motion(speed))?;
-                    runs.extend(all.into_iter().map(|run| (name.to_string(), run)));
-                }
-                progress(&format!("motion tests, {name} plant"));
-            }
-            let fast = description.motion(n.fast);
-            let damping = double_damping(description, NOMINAL, description, &fast, &[])?;
-            let points = work_precision(description)?;
-            progress("work and precision");
-            Ok::<_, LabError>((runs, damping, points))
-        })();
-        let rest = rest.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        (runs, rest)
+        let tested = motion_tests(description, &off, progress);
+        let others = others.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        (tested, others)
     });
-    let (mut runs, damping, points) = runs?;
-    let (eigenfrequency, off_hz, oscillation, virtual_results, energy) = rest?;
+    let MotionTests { mut runs, damping, work_precision } = tested?;
+    let OtherExperiments { eigenfrequency, off_hz, oscillation, virtual_results, energy } = others?;
 
     let mut double_damping = vec![damping];
     let mut seen = None;
     let (mut alongside, mut virtual_hz, mut virtual_oscillation) = (None, None, None);
     if let Some(results) = virtual_results {
-        let [_, fast] = &results.alongside;
-        let is_fast =
-            |run: &&Run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.course;
-        seen = results.runs.iter().find(is_fast).and_then(|run| differences_of(fast, run));
+        seen = results.differences();
         runs.extend(results.runs.into_iter().map(|run| (VIRTUAL.to_string(), run)));
         double_damping.push(results.damping);
         alongside = Some(results.alongside);
         virtual_hz = Some(results.eigenfrequency);
         virtual_oscillation = results.pressure_oscillation;
     }
-    let fast = |plant: &str| {
-        runs.iter().find(|(name, run)| {
-            name == plant && run.strategy == Strategy::VelocityFeedforward && run.speed == n.fast
-        })
-    };
-    let (Some((_, nominal)), Some((_, other))) = (fast(NOMINAL), fast(OFF)) else {
+    let (Some(nominal), Some(other)) =
+        (fast_feedforward(&runs, NOMINAL, n.fast), fast_feedforward(&runs, OFF, n.fast))
+    else {
         return Err(LabError::NoOscillation("the fast motion was not run".into()));
     };
     let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal).ok();
@@ -312,12 +372,7 @@ pub fn study(
     };
     let plants = [(NOMINAL, Some(description)), (OFF, Some(&off)), (VIRTUAL, virtual_crane)];
     let (loops, stable_with_expected_lags) = loops_around(description, &plants)?;
-    let row = |(plant, run): &(String, Run)| {
-        let around = loops.iter().find(|of| of.plant == plant);
-        let row = Row::of(plant, run).with_loops(around.map_or(&[], |of| &of.loops));
-        if is_papers_crane { row } else { row.without_paper() }
-    };
-    let motion: Vec<Row> = runs.iter().map(row).collect();
+    let motion = rows(&runs, &loops, is_papers_crane);
     let model_hz = std::array::from_fn(|k| eigenfrequency[k].linearised_hz);
     let mut plants_hz = vec![(OFF, off_hz)];
     plants_hz.extend(virtual_hz.map(|hz| (VIRTUAL, hz)));
@@ -353,37 +408,12 @@ pub fn study(
         differences,
         double_damping,
         energy,
-        work_precision: points,
+        work_precision,
         off_model,
         runs,
         alongside: alongside.map(|[_, fast]| fast),
         oscillation: Some(oscillation),
     })
-}
-
-/// Crane that differs from the model by the same ratios as the off-model plant from the paper's crane, with
-/// the differences as overrides.
-fn off_model(model: &Description) -> Result<(Description, Vec<String>), LabError> {
-    let own = Description::uia_single_boom()?;
-    let (off, _) = own.overridden("cranes/off-model.toml", OFF_MODEL)?;
-    let mut overrides = Vec::new();
-    for changed in own.differences(&off) {
-        let entry = model.own_entries().find(|(key, ..)| key.path() == changed.key);
-        let shares = (changed.there.parse::<f64>(), changed.here.parse::<f64>());
-        if let (Some((key, value, _)), (Ok(there), Ok(here))) = (entry, shares) {
-            // without rounding noise
-            overrides.push(format!("{}={}", key.path(), short(value * there / here)));
-        }
-    }
-    let mut plant = model.clone();
-    plant.set_together(overrides.iter().map(String::as_str))?;
-    Ok((plant, overrides.iter().map(|assignment| assignment.replace('=', " = ")).collect()))
-}
-
-/// Number with eleven digits; very small ones with an exponent.
-fn short(value: f64) -> String {
-    let value: f64 = format!("{value:.10e}").parse().unwrap_or(value);
-    if value != 0.0 && value.abs() < 1e-3 { format!("{value:e}") } else { value.to_string() }
 }
 
 /// Table 6 of two completed runs.
@@ -425,7 +455,7 @@ mod tests {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(set).unwrap();
             let (loops, expected) = loops_around(&crane, &[(NOMINAL, Some(&crane))]).unwrap();
-            said_of_unstable(&loops, &expected)
+            remarks_on_unstable(&loops, &expected)
         };
         let far = remarks("payload.x_mm=9000");
         let begins = "nominal, scheduled LQR: the closed loop is UNSTABLE at 25 to 475 mm";
@@ -434,16 +464,5 @@ mod tests {
         let last = far.last().unwrap();
         assert!(last.contains("the closed loop of the scheduled LQR is stable"), "{last}");
         assert_eq!(remarks("payload.x_mm=3500"), [""; 0]);
-    }
-
-    #[test]
-    fn the_off_model_plant_differs_by_the_same_shares_from_any_crane() {
-        let own = Description::uia_single_boom().unwrap();
-        let (off, _) = own.overridden("cranes/off-model.toml", OFF_MODEL).unwrap();
-        assert!(off.differences(&off_model(&own).unwrap().0).is_empty());
-        let mut light = own.clone();
-        light.set("payload.mass_kg=60").unwrap();
-        let payload = off_model(&light).unwrap().0.numbers.payload;
-        assert!((payload / (60.0 * 316.0 / 307.0) - 1.0).abs() < 1e-9, "{payload} kg");
     }
 }

@@ -38,6 +38,17 @@ pub enum Task<'a> {
 /// Duration of the oscillation test \[s\].
 const OSCILLATION: f64 = 4.0;
 
+impl Task<'_> {
+    /// Duration of the run \[s\].
+    fn duration(&self) -> f64 {
+        match self {
+            Self::Course(course, _) => course.duration(),
+            Self::Recording(recording) => recording.duration(),
+            Self::Oscillation { .. } => OSCILLATION,
+        }
+    }
+}
+
 /// Columns of a log: measured signals, true states, or both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Contents {
@@ -128,11 +139,7 @@ pub fn virtual_run(
         let every = (order.interval / period).round().max(1.0) as u64;
         writers.push((log, order.contents, estimates, every));
     }
-    let duration = match task {
-        Task::Course(course, _) => course.duration(),
-        Task::Recording(recording) => recording.duration(),
-        Task::Oscillation { .. } => OSCILLATION,
-    };
+    let duration = task.duration();
     let mut summary = Summary { duration_s: duration, ..Summary::default() };
     let (mut metrics, mut count) = (Metrics::new(), 0_u64);
     let mut observe = |sample: &Sample| {
@@ -156,9 +163,26 @@ pub fn virtual_run(
         }
         Ok(())
     };
+    simulate_task(model, crane, task, &mut observe)?;
+    if let Task::Course(course, strategy) = task {
+        let found = sustained_oscillation(model, crane, (*strategy).into(), *course, &metrics)?;
+        summary.finish(&metrics, found);
+    }
+    summary.estimates = estimator.and_then(|estimator| estimator.summary());
+    let lost = writers.into_iter().filter_map(|(log, ..)| log.finish().err()).collect();
+    Ok((summary, lost))
+}
+
+/// Simulates the virtual crane in a task.
+fn simulate_task(
+    model: &Description,
+    crane: &Description,
+    task: &Task,
+    observe: &mut dyn FnMut(&Sample) -> Result<(), LabError>,
+) -> Result<(), LabError> {
     match task {
         Task::Course(course, strategy) => {
-            simulate_closed_loop(model, crane, *strategy, *course, &mut observe)?
+            simulate_closed_loop(model, crane, *strategy, *course, observe)
         }
         Task::Recording(recording) => {
             let mut start = crane.start(crane.numbers.motion_start);
@@ -170,7 +194,7 @@ pub fn virtual_run(
                 let input = recording.at(time);
                 AxisCommand { motor_speed: input.pump_speed, holding_valve: input.holding_valve }
             };
-            follow(real, duration, command, &mut observe)?;
+            follow(real, task.duration(), command, observe)
         }
         Task::Oscillation { stroke, drop } => {
             let mut start = crane.start(*stroke);
@@ -180,16 +204,9 @@ pub fn virtual_run(
             real.lift(drop / crane.numbers.boom_length)
                 .map_err(LabError::during("lifting the boom"))?;
             let held = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
-            follow(real, duration, |_| held, &mut observe)?;
+            follow(real, task.duration(), |_| held, observe)
         }
     }
-    if let Task::Course(course, strategy) = task {
-        let found = sustained_oscillation(model, crane, (*strategy).into(), *course, &metrics)?;
-        summary.finish(&metrics, found);
-    }
-    summary.estimates = estimator.and_then(|estimator| estimator.summary());
-    let lost = writers.into_iter().filter_map(|(log, ..)| log.finish().err()).collect();
-    Ok((summary, lost))
 }
 
 /// Summaries of all strategies along a course, simulated together; `progress` receives the share done.

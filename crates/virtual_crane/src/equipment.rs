@@ -13,8 +13,8 @@ use hydroboom_control::actuator_limits::ActuatorLimits;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::supervision::limits::ValveState;
-use hydroboom_description::Description;
 use hydroboom_description::schema::PositionSwitchChoice;
+use hydroboom_description::{Description, Numbers};
 use hydroboom_model::drive::{DeadTime, Drive};
 use hydroboom_model::{Input, Nodes, Outputs, Scheme, Start};
 use rand::{Rng, RngExt, SeedableRng};
@@ -105,6 +105,46 @@ pub(crate) struct Equipment {
     periods: u64,
 }
 
+/// Sensors of position, then of the five pressures in the order of [`AxisSignals`]; `random` gives their constant
+/// errors.
+fn sensors(
+    n: &Numbers<f64>,
+    outputs: &Outputs<f64>,
+    step: f64,
+    random: &mut Pcg64Mcg,
+) -> [Sensor; 6] {
+    let position = SensorData {
+        error: 0.0,
+        noise: n.position_noise,
+        resolution: n.position_resolution,
+        range: [f64::NEG_INFINITY, f64::INFINITY],
+    };
+    let resolution = match n.pressure_bits >= 1.0 {
+        true => n.pressure_span / n.pressure_bits.exp2(),
+        false => 0.0,
+    };
+    // a transducer without error, noise and resolution passes the pressure itself, below zero gauge too
+    let ideal = n.pressure_error + n.pressure_noise + resolution == 0.0;
+    let range = match ideal {
+        true => [f64::NEG_INFINITY, f64::INFINITY],
+        false => [-0.1 * n.pressure_span, n.pressure_span],
+    };
+    let mut transducer = |value: f64| {
+        let error = n.pressure_error * n.pressure_span * random.random_range(-1.0..=1.0);
+        let noise = n.pressure_noise * n.pressure_span;
+        let data = SensorData { error, noise, resolution, range };
+        Sensor::new(data, n.sensor_bandwidth, step, value)
+    };
+    [
+        Sensor::new(position, n.sensor_bandwidth, step, outputs.stroke),
+        transducer(outputs.pressure_pump_a),
+        transducer(outputs.pressure_a),
+        transducer(outputs.pressure_b),
+        transducer(outputs.pressure_pump_b),
+        transducer(outputs.pressure_accumulator),
+    ]
+}
+
 impl Equipment {
     /// The equipment of a plant with initial `outputs`, integrated in steps of `step` \[s\]. The 3/2 valve is energised
     /// unless the pump sides carry no load.
@@ -128,36 +168,7 @@ impl Equipment {
             .then(|| SwitchingValve::new(n.valve_delay, n.pilot_line, step, pilot));
 
         let mut random = Pcg64Mcg::seed_from_u64(n.seed as u64);
-        let position = SensorData {
-            error: 0.0,
-            noise: n.position_noise,
-            resolution: n.position_resolution,
-            range: [f64::NEG_INFINITY, f64::INFINITY],
-        };
-        let resolution = match n.pressure_bits >= 1.0 {
-            true => n.pressure_span / n.pressure_bits.exp2(),
-            false => 0.0,
-        };
-        // a transducer without error, noise and resolution passes the pressure itself, below zero gauge too
-        let ideal = n.pressure_error + n.pressure_noise + resolution == 0.0;
-        let range = match ideal {
-            true => [f64::NEG_INFINITY, f64::INFINITY],
-            false => [-0.1 * n.pressure_span, n.pressure_span],
-        };
-        let mut transducer = |value: f64| {
-            let error = n.pressure_error * n.pressure_span * random.random_range(-1.0..=1.0);
-            let noise = n.pressure_noise * n.pressure_span;
-            let data = SensorData { error, noise, resolution, range };
-            Sensor::new(data, n.sensor_bandwidth, step, value)
-        };
-        let sensors = [
-            Sensor::new(position, n.sensor_bandwidth, step, outputs.stroke),
-            transducer(outputs.pressure_pump_a),
-            transducer(outputs.pressure_a),
-            transducer(outputs.pressure_b),
-            transducer(outputs.pressure_pump_b),
-            transducer(outputs.pressure_accumulator),
-        ];
+        let sensors = sensors(n, outputs, step, &mut random);
         let reading = sampled(&sensors, 0.0, &mut random);
         let cycles = n.fieldbus_delay.round() as usize;
         let still = AxisCommand { motor_speed: 0.0, holding_valve: pilot };

@@ -107,7 +107,7 @@ impl<const W: usize> Fleet<W> {
             }
         }
         if self.equipment[0].slow_is_due() {
-            self.slowly();
+            self.update_slow_states();
         }
         for (equipment, outputs) in self.equipment.iter_mut().zip(&self.outputs) {
             equipment.end(outputs);
@@ -115,7 +115,7 @@ impl<const W: usize> Fleet<W> {
     }
 
     /// Updates the slow states of every crane: oil temperature and dissolved air.
-    fn slowly(&mut self) {
+    fn update_slow_states(&mut self) {
         let mut shifts = [None; W];
         for lane in 0..W {
             let (equipment, outputs) = (&mut self.equipment[lane], &self.outputs[lane]);

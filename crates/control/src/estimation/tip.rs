@@ -306,6 +306,18 @@ mod tests {
     const STIFF: TipParameters<f64> = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
     const BENDING: TipParameters<f64> = TipParameters { bending: 1.0, ..STIFF };
 
+    /// The crane with its mount at a place along the boom \[m\], and the foot below it: the boom lies level.
+    fn level(mount: f64) -> TipModel<f64> {
+        TipModel {
+            mount_x: mount,
+            mount_y: 0.0,
+            base_x: mount,
+            base_y: -1.0,
+            shortest: 1.0,
+            ..CRANE
+        }
+    }
+
     fn lowered(crane: &TipModel<f64>, parameters: &TipParameters<f64>, load: &TipLoad<f64>) -> f64 {
         let [stiff, found] = [&STIFF, parameters].map(|p| crane.position(p, load));
         (found[0] - stiff[0]).hypot(found[1] - stiff[1])
@@ -314,18 +326,10 @@ mod tests {
     /// Held at the bearing itself the boom is a cantilever: w = P L³/(3 E I), and q L⁴/(8 E I) by its own weight.
     #[test]
     fn a_boom_held_at_its_bearing_bends_as_a_cantilever() {
-        // the foot below a mount at the bearing, so that the boom lies level
-        let crane = TipModel {
-            mount_x: 1e-6,
-            mount_y: 0.0,
-            base_x: 1e-6,
-            base_y: -1.0,
-            shortest: 1.0,
-            ..CRANE
-        };
-        let level = |payload| TipLoad { piston: 0.0, payload, acceleration: 0.0 };
-        let empty = lowered(&crane, &BENDING, &level(0.0));
-        let loaded = lowered(&crane, &BENDING, &level(300.0));
+        let crane = level(1e-6);
+        let rest = |payload| TipLoad { piston: 0.0, payload, acceleration: 0.0 };
+        let empty = lowered(&crane, &BENDING, &rest(0.0));
+        let loaded = lowered(&crane, &BENDING, &rest(300.0));
         let (l, ei): (f64, f64) = (3.6, 3.27e6);
         let by_weight = 86.0 * 9.81 / l * l.powi(4) / (8.0 * ei);
         let by_payload = 300.0 * 9.81 * l.powi(3) / (3.0 * ei);
@@ -336,15 +340,7 @@ mod tests {
     /// A beam on two supports with an overhang a beyond the span c: w = P a² (c + a)/(3 E I).
     #[test]
     fn a_boom_with_an_overhang_bends_as_in_the_handbook() {
-        let crane = TipModel {
-            mount_x: 0.6,
-            mount_y: 0.0,
-            base_x: 0.6,
-            base_y: -1.0,
-            shortest: 1.0,
-            mass: 0.0,
-            ..CRANE
-        };
+        let crane = TipModel { mass: 0.0, ..level(0.6) };
         let load = TipLoad { piston: 0.0, payload: 300.0, acceleration: 0.0 };
         let found = lowered(&crane, &BENDING, &load);
         let wanted = 300.0 * 9.81 * 3.0_f64.powi(2) * 3.6 / (3.0 * 3.27e6);
@@ -418,14 +414,7 @@ mod tests {
     /// The base turns by the moment about the bearing, and the whole crane with it.
     #[test]
     fn a_base_that_turns_lowers_the_tip_by_its_length() {
-        let crane = TipModel {
-            mount_x: 0.6,
-            mount_y: 0.0,
-            base_x: 0.6,
-            base_y: -1.0,
-            shortest: 1.0,
-            ..CRANE
-        };
+        let crane = level(0.6);
         let base = TipParameters { base: 1e-7, ..STIFF };
         let load = TipLoad { piston: 0.0, payload: 300.0, acceleration: 0.0 };
         let moment = 9.81 * (300.0 * 3.6 + 86.0 * 1.8);
@@ -436,15 +425,7 @@ mod tests {
     /// Upwards acceleration of the whole boom by g, as far as it turns about the bearing, doubles the payload's share.
     #[test]
     fn inertia_bends_as_weight_does() {
-        let crane = TipModel {
-            mount_x: 0.6,
-            mount_y: 0.0,
-            base_x: 0.6,
-            base_y: -1.0,
-            shortest: 1.0,
-            mass: 0.0,
-            ..CRANE
-        };
+        let crane = TipModel { mass: 0.0, ..level(0.6) };
         let still = TipLoad { piston: 0.0, payload: 300.0, acceleration: 0.0 };
         let lifted = TipLoad { acceleration: 9.81 * 0.6 / 3.6, ..still };
         let [one, two] = [still, lifted].map(|load| lowered(&crane, &BENDING, &load));

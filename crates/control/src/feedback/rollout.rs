@@ -8,14 +8,17 @@
 //!
 //! Source: D. Bertsekas, *Reinforcement Learning and Optimal Control*, 2019, section 2.4.
 
+mod prediction;
+
 use super::riccati::{Matrix, ORDER, quadratic};
 use super::saturation::NestedSaturation;
 use crate::estimation::drive_identification::DriveLag;
-use crate::estimation::reduced_model::{MachineState, OperatingPoint, ReducedModel};
+use crate::estimation::reduced_model::{MachineState, ReducedModel};
 use crate::estimation::state_estimator::PredictedState;
 use crate::memory::Memory;
 use crate::reference::governor::ReferenceGovernor;
 use hydroboom_math::{Real, record};
+use prediction::Prediction;
 
 /// Alternatives: the law; then each limit for a short and a long time.
 const ALTERNATIVES: usize = 5;
@@ -294,22 +297,8 @@ impl<T: Real> Rollout<T> {
         is_payload: T::Mask,
         is_due: T::Mask,
     ) -> T {
-        let Policy { model, estimate, weights: [by_position, by_velocity, by_speed], .. } = policy;
-        let one = T::one();
         let h = self.horizon / T::lit(((SAMPLES - 1) * STEPS_BETWEEN) as f64);
-        let PredictedState { position: y, velocity: w, load_pressure: p, motor_speed: n } =
-            state.begin;
-        let begin = model.at(y, estimate.payload);
-        let Hypothesis { at, holding, added_payload } =
-            hypothesis(policy, &begin, y, w, p, is_payload);
-        let first = y + at.compliance * p;
-        // share of the way in a longer step: (1 − g) to the power of periods in it
-        let periods = h / policy.period;
-        let share = one - (one - policy.drive.coefficient).powf(periods);
-        let slew = policy.slew * periods;
-        let damping = at.acceleration * model.viscous;
-        let per_damping = one / h.mul_add(damping, one);
-        let revolutions = model.revolutions_per_metre();
+        let prediction = Prediction::new(policy, &state.begin, is_payload, h);
         let until_decision = policy.period * T::lit(PERIODS as f64 - 1.0);
         let until_hold_ends = until_decision + hold;
         let spans: [[T; 2 * SAMPLED]; SAMPLES - 1] = core::array::from_fn(|k| {
@@ -318,57 +307,22 @@ impl<T: Real> Rollout<T> {
         });
         let places: [[T; 1]; STEPS_BETWEEN] =
             core::array::from_fn(|part| [T::lit(part as f64 / STEPS_BETWEEN as f64)]);
+        let [y, w, p, n] = state.begin.to_array();
         let begun = [y, w, p, n, state.offset, T::zero()];
         let step = |time: T,
                     place: T,
                     from: &ReferenceSample<T>,
                     to: &ReferenceSample<T>,
-                    at_step: [T; 6]| {
-            let [y, w, p, n, offset, sum] = at_step;
-            let between = |a: T, b: T| place.mul_add(b - a, a);
-            let mut reference_state: [T; ORDER] =
-                core::array::from_fn(|i| between(from.reference_state[i], to.reference_state[i]));
-            reference_state[0] = reference_state[0] - at.compliance * added_payload;
-            reference_state[2] = reference_state[2] + added_payload;
-            let feedforward = between(from.feedforward, to.feedforward);
-            let reference_position = between(from.position, to.position);
-            // the law
-            let x = at.compliance.mul_add(p, y);
-            let offset = policy.governor.update(offset, x - reference_position, policy.decay, h);
-            let drift = policy.governor.drift(offset, policy.decay);
-            let error = [
-                reference_state[0] - y,
-                reference_state[1] - w,
-                reference_state[2] - p,
-                reference_state[3] - n,
-            ];
-            let turning = revolutions * drift;
-            let governed_error =
-                [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
-            let (feedback, _) = policy.saturation.feedback(&policy.gain, &governed_error);
-            let law = feedforward + turning + feedback;
+                    [y, w, p, n, offset, sum]: [T; 6]| {
+            let now = [y, w, p, n];
+            let reference = prediction.reference(place, from, to);
+            let x = prediction.machine.at.compliance.mul_add(p, y);
+            let (law, offset) = prediction.law(&reference, &now, x, offset);
             let held = T::select(time.lt(until_hold_ends), held_speed, law);
             let u = T::select(time.lt(until_decision), state.command(law), held);
             let u = u.clamp(-policy.limit, policy.limit);
-            // its cost
-            let e = x - reference_position;
-            let effort = u - feedforward;
-            let stage = *by_position * e.square()
-                + *by_velocity * error[1].square()
-                + *by_speed * effort.square();
-            let sum = sum + stage;
-            // the machine
-            let next = n + (share * (u - n)).clamp(-slew, slew);
-            let turned = T::lit(0.5) * (n + next);
-            let n = next.clamp(-policy.limit, policy.limit);
-            let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
-            let force = p - holding - at.holding_slope * (x - first) - friction;
-            let w = (h * at.acceleration).mul_add(force, w) * per_damping;
-            let bulk = model.bulk_modulus(p, estimate.transition_pressure, policy.rod_side_term);
-            let turning = turned - model.leakage(p) + estimate.unknown_flow;
-            let inflow = model.displacement * turning - model.piston_area * w;
-            let y = h.mul_add(w, y);
-            let p = (h * model.stiffness(&at, bulk)).mul_add(inflow, p);
+            let sum = sum + prediction.stage_cost(&reference, x, w, u);
+            let [y, w, p, n] = prediction.next_state(&now, x, u);
             [y, w, p, n, offset, sum]
         };
         let ([y, w, p, n, _, sum], _) = T::repeat_where(is_due, &spans, begun, |k, span, now| {
@@ -382,56 +336,8 @@ impl<T: Real> Rollout<T> {
             });
             (now, [])
         });
-        let mut end = state.ahead[SAMPLES - 1].reference_state;
-        end[0] = end[0] - at.compliance * added_payload;
-        end[2] = end[2] + added_payload;
+        let end = prediction.with_added_payload(state.ahead[SAMPLES - 1].reference_state);
         let error = [end[0] - y, end[1] - w, end[2] - p, end[3] - n];
-        sum * periods + quadratic(&policy.cost_to_go, &error)
-    }
-}
-
-/// The machine under a hypothesis.
-struct Hypothesis<T> {
-    at: OperatingPoint<T>,
-    /// Pressure \[Pa\] that holds the load, and how much more that is than thought.
-    holding: T,
-    added_payload: T,
-}
-
-/// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s − p_v w) = w'`,
-/// which is linear in m.
-fn hypothesis<T: Real>(
-    policy: &Policy<T>,
-    at: &OperatingPoint<T>,
-    y: T,
-    w: T,
-    p: T,
-    is_payload: T::Mask,
-) -> Hypothesis<T> {
-    let (zero, one) = (T::zero(), T::one());
-    let (model, estimate) = (&policy.model, &policy.estimate);
-    let holding = at.holding_pressure + at.holding_slope * at.compliance * p - estimate.disturbance;
-    let friction =
-        model.viscous.mul_add(w, model.coulomb * (w / model.sliding_velocity).clamp(-one, one));
-    let acceleration = at.acceleration * (p - holding - friction);
-    let (empty, full) = (model.at(y, zero), model.at(y, model.maximum_payload));
-    let mass = |a: &OperatingPoint<T>| one / a.acceleration;
-    let pressure_per_kg = (full.holding_pressure - empty.holding_pressure) / model.maximum_payload;
-    let mass_per_kg = (mass(&full) - mass(&empty)) / model.maximum_payload;
-    let left = p
-        - friction
-        - empty.holding_pressure
-        - empty.holding_slope * at.compliance * p
-        - acceleration * mass(&empty);
-    let payload =
-        (left / (pressure_per_kg + acceleration * mass_per_kg)).clamp(zero, model.maximum_payload);
-    let payload = T::select(is_payload, payload, estimate.payload);
-    let changed = model.at(y, payload);
-    let other = changed.holding_pressure + changed.holding_slope * at.compliance * p;
-    let other = T::select(is_payload, other, holding);
-    Hypothesis {
-        at: OperatingPoint { compliance: at.compliance, ..changed },
-        holding: other,
-        added_payload: other - holding,
+        sum * prediction.periods + quadratic(&policy.cost_to_go, &error)
     }
 }

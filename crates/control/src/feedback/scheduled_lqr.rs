@@ -285,21 +285,7 @@ impl<T: Real> ScheduledLqr<T> {
 
         // policy improvement while feedback saturates
         let moved = self.rollout.offset.lt(state.offset.abs());
-        let policy = Policy {
-            model: self.model,
-            estimate: *estimate,
-            rod_side_term,
-            drive: estimated.drive,
-            period: self.period,
-            limit: self.motor_speed,
-            slew: self.slew,
-            gain: state.regulator.gain,
-            cost_to_go: state.regulator.cost_to_go,
-            weights: self.weights(),
-            saturation,
-            governor: self.governor,
-            decay,
-        };
+        let policy = self.policy(estimated, &state.regulator, saturation, decay);
         let ahead = |after: T| {
             let zero = T::zero();
             let (reference_state, position) = inverse(delay + after, zero, zero);
@@ -317,6 +303,31 @@ impl<T: Real> ScheduledLqr<T> {
         let command = state.rollout.command(law).clamp(-self.motor_speed, self.motor_speed);
         state.command = command;
         command
+    }
+
+    /// Plant, control law and governor for the policy improvement, with the governor's decay rate \[1/s\].
+    fn policy(
+        &self,
+        estimated: &StateEstimatorState<T>,
+        regulator: &Regulator<T>,
+        saturation: NestedSaturation<T>,
+        decay: T,
+    ) -> Policy<T> {
+        Policy {
+            model: self.model,
+            estimate: estimated.filter.estimate,
+            rod_side_term: estimated.rod_side_term,
+            drive: estimated.drive,
+            period: self.period,
+            limit: self.motor_speed,
+            slew: self.slew,
+            gain: regulator.gain,
+            cost_to_go: regulator.cost_to_go,
+            weights: self.weights(),
+            saturation,
+            governor: self.governor,
+            decay,
+        }
     }
 
     /// Coefficients of the present operating point, and the load's natural frequency at rest \[rad/s\].

@@ -19,6 +19,7 @@ mod memory;
 mod monitors;
 mod plausibility;
 mod signals;
+mod transitions;
 
 pub use limits::FrameLimits;
 pub use memory::{FrameMemory, FrameState, frame_phase};
@@ -33,11 +34,10 @@ use super::supervisor::CONTROLLED_RAMP;
 use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 use monitors::Wrong;
+use transitions::{Phases, Requests, Transitions};
 
 /// Share of the reference's velocity by which an offset of the reference is taken back.
 const OFFSET_SHARE: f64 = 0.1;
-/// Time that a controller has until it could take over, before the pump turns \[s\].
-const READY_TIME: f64 = 20.0;
 /// Reference velocity below which the reference rests \[m/s\].
 const RESTS: f64 = 1e-6;
 /// Motor speed \[rev/s\] that stands for "no command": beyond any motor, as not every language has NaN.
@@ -136,72 +136,50 @@ fn is_set<T: Real>(value: T) -> T::Mask {
     T::lit(0.5).lt(value)
 }
 
-/// The phase before, one mask for each.
-struct Phases<T: Real> {
-    idle: T::Mask,
-    holding: T::Mask,
-    releasing: T::Mask,
-    opening: T::Mask,
-    controlling: T::Mask,
-    stopping: T::Mask,
-    fault: T::Mask,
+/// A control period: phase and memory before it, and its inputs.
+struct Period<'a, T: Real> {
+    at: Phases<T>,
+    was: &'a FrameMemory<T>,
+    now: FrameInput<T>,
+    requests: Requests<T>,
 }
 
-impl<T: Real> Phases<T> {
-    fn of(phase: T) -> Self {
-        let is = |value: f64| T::lit(value - 0.5).lt(phase) & phase.lt(T::lit(value + 0.5));
-        Self {
-            idle: is(frame_phase::IDLE),
-            holding: is(frame_phase::HOLDING),
-            releasing: is(frame_phase::RELEASING),
-            opening: is(frame_phase::OPENING),
-            controlling: is(frame_phase::CONTROLLING),
-            stopping: is(frame_phase::STOPPING),
-            fault: is(frame_phase::FAULT),
-        }
-    }
-}
-
-/// Conditions of the transitions from one phase to the next.
-struct Transitions<T: Real> {
-    /// Measurements are plausible.
-    is_plausible: T::Mask,
-    /// A start is asked for.
-    starts: T::Mask,
-    /// The release has proven that the pump carries the load.
-    proven: T::Mask,
-    /// The valve has had its time to open: the controller begins.
-    begins: T::Mask,
-    /// A controlled stop is under way.
-    stops: T::Mask,
-    /// The load is to be held.
-    holds: T::Mask,
-    /// A fault is left by a reset.
-    leaves: T::Mask,
-    /// The drive is switched on.
-    enabled: T::Mask,
+/// Fault found in a control period.
+struct Detection<T: Real> {
+    /// Number of the cause.
+    cause: T,
+    /// A cause is present.
+    is_wrong: T::Mask,
+    /// It is one for which the load is held at once.
+    at_once: T::Mask,
     /// A fault occurs, or a more severe one.
     fails: T::Mask,
 }
 
-impl<T: Real> Transitions<T> {
-    /// The next phase: progress, then what is asked for, then what is wrong.
-    fn next_phase(&self, at: &Phases<T>, phase: T) -> T {
-        let Self { is_plausible, starts, proven, begins, stops, holds, leaves, enabled, fails } =
-            *self;
-        let to = |is: T::Mask, phase: f64, next: T| T::select(is, T::lit(phase), next);
-        let mut next = phase;
-        next = to(at.idle & is_plausible, frame_phase::HOLDING, next);
-        next = to(at.holding & starts, frame_phase::RELEASING, next);
-        next = to(proven, frame_phase::OPENING, next);
-        next = to(begins, frame_phase::CONTROLLING, next);
-        next = to(at.stopping & !stops, frame_phase::HOLDING, next);
-        next = to((at.holding | at.releasing) & holds, frame_phase::HOLDING, next);
-        next = to((at.opening | at.controlling) & holds, frame_phase::STOPPING, next);
-        next = to(leaves, frame_phase::HOLDING, next);
-        next = to(!enabled & (!at.fault | leaves), frame_phase::IDLE, next);
-        next = to(fails, frame_phase::FAULT, next);
-        next
+impl<T: Real> Period<'_, T> {
+    /// Inputs and tasks of the controller.
+    fn directive(
+        &self,
+        s: &FrameMemory<T>,
+        reference: SetPoint<T>,
+        begins: T::Mask,
+        falls_back: T::Mask,
+    ) -> Directive<T> {
+        let Self { at, was, now, .. } = self;
+        Directive {
+            stroke: now.stroke,
+            pressure_a: now.pressure_a,
+            pressure_b: now.pressure_b,
+            motor_speed_read: now.motor_speed_read,
+            position_is_good: s.bad_position.lt(T::lit(0.5)),
+            pressure_is_good: s.bad_pressure.lt(T::lit(0.5)),
+            reference,
+            offset: s.offset,
+            motor_speed: was.motor_speed,
+            begins,
+            controls: at.controlling | begins,
+            falls_back,
+        }
     }
 }
 
@@ -229,113 +207,51 @@ impl<T: Real> Frame<T> {
 
         // what was read and asked for; the last good value stands in for one period
         let now = self.plausible(&at, was, input, &mut s.memory);
-        // what is no number holds: neither is it enabled, nor is hold off
-        let (enabled, holds) = (is_set(now.enable), !now.hold.lt(T::lit(0.5)));
-        s.memory.enabled_for = T::select(enabled, was.enabled_for + l.period, zero);
-        let starts = is_set(now.start) & !is_set(was.start);
-        let resets = is_set(now.reset_fault) & !is_set(was.reset);
-        s.memory.start = T::select(is_set(now.start), one, zero);
-        s.memory.reset = T::select(is_set(now.reset_fault), one, zero);
+        let requests = self.requests(was, &now, &mut s.memory);
+        let period = Period { at, was, now, requests };
+        let Period { at, now, .. } = &period;
 
         // the release of the load
-        let (runs, proven) = self.run_release(&at, before, &now, ready, &mut s);
+        let (runs, proven) = self.run_release(at, before, now, ready, &mut s);
 
         // the reference, from where the piston was released
         let begins = at.opening & l.valve_time.lt(s.memory.since);
-        let reference = self.follow_reference(&at, was, &now, begins, &mut s.memory);
-
-        // a loop in sustained oscillation falls back, until a reset
-        let rests = at.controlling & !T::lit(RESTS).lt(now.reference_velocity.abs());
-        let error = reference.position - now.stroke;
-        let oscillates = self.oscillation.update(&mut s.oscillation, error, rests, l.period);
-        let falls_back = (oscillates | is_set(was.falls_back)) & !(resets & !at.fault);
-        s.memory.falls_back = T::select(falls_back, one, zero);
+        let reference = self.follow_reference(at, was, now, begins, &mut s.memory);
 
         // the controller
-        let wanted = law(&Directive {
-            stroke: now.stroke,
-            pressure_a: now.pressure_a,
-            pressure_b: now.pressure_b,
-            motor_speed_read: now.motor_speed_read,
-            position_is_good: s.memory.bad_position.lt(T::lit(0.5)),
-            pressure_is_good: s.memory.bad_pressure.lt(T::lit(0.5)),
-            reference,
-            offset: s.memory.offset,
-            motor_speed: was.motor_speed,
-            begins,
-            controls: at.controlling | begins,
-            falls_back,
-        });
+        let falls_back = self.falls_back(&period, reference.position, &mut s);
+        let wanted = law(&period.directive(&s.memory, reference, begins, falls_back));
         // which no number that is not finite is
         let is_valid = wanted.abs().lt(T::lit(NO_COMMAND));
 
         // what is wrong
-        let mut wrong = self.monitors(&at, before, &mut s, &now, &reference);
+        let mut wrong = self.monitors(at, before, &mut s, now, &reference);
         wrong.found((at.controlling | begins) & !is_valid, Cause::ControllerInvalid);
-        let is_late = T::lit(READY_TIME).lt(s.memory.since);
-        let is_still = l.still_time.lt(was.still_for);
-        wrong.found(at.releasing & !runs & is_late, Cause::ControllerInvalid);
-        wrong.found(at.releasing & !runs & is_late & !is_still, Cause::LoadNotStill);
-        let Wrong(cause) = wrong;
-        // before anything acts, what is wrong may go away for a while
-        let has_waited = l.wait_time.lt(s.memory.enabled_for);
-        let is_wrong = (!at.idle | has_waited) & T::lit(0.5).lt(cause);
-        let at_once = is_wrong & is_held_at_once(cause);
-        let fails = is_wrong & (!at.fault | (at_once & !is_held_at_once(was.cause)));
+        self.monitor_readiness(at, was, &s.memory, runs, &mut wrong);
+        let fault = self.detect(&period, &s.memory, wrong);
 
-        // a stop: controlled while valve and drive obey, else immediate
-        let obeys = at.opening | at.controlling;
-        let begins_stop = obeys & enabled & (holds | is_wrong) & !at_once;
-        let goes_on = is_set(was.stops) & enabled & !at_once & s.memory.stop_since.lt(l.stop_time);
-        let stops = begins_stop | goes_on;
-        let as_read = s.drive.plausible(now.motor_speed_read);
-        s.memory.stops = T::select(stops, one, zero);
-        s.memory.stop_since = T::select(begins_stop, zero, s.memory.stop_since);
-        s.memory.stop_from = T::select(begins_stop, as_read, was.stop_from);
-
-        // a fault is left by a reset, with everything well for a period of the load mode
-        let at_rest = was.motor_speed.abs().lt(T::lit(1e-9)) & !stops;
-        let turns = self.drive.uncommanded.lt(now.motor_speed_read.abs());
-        let is_shut = now.valve_state.lt(T::lit(0.5)) & l.valve_time.lt(s.memory.valve_since);
-        let is_still = s.memory.velocity.abs().lt(l.still_speed);
-        let is_well = at.fault & at_rest & is_still & !is_wrong & !turns & is_shut;
-        s.memory.well_for = T::select(is_well, was.well_for + l.period, zero);
-        let leaves = at.fault & resets & l.still_time.lt(s.memory.well_for);
-
+        let (stops, as_read) = self.controlled_stop(&period, &fault, &mut s);
+        let leaves = self.leaves_fault(&period, fault.is_wrong, stops, &mut s.memory);
         let is_plausible = s.memory.bad.lt(T::lit(0.5));
-        let transitions = Transitions {
-            is_plausible,
-            starts,
-            proven,
-            begins,
-            stops,
-            holds,
-            leaves,
-            enabled,
-            fails,
-        };
-        let next = transitions.next_phase(&at, was.phase);
+        let fails = fault.fails;
+        let transitions =
+            Transitions { is_plausible, requests, proven, begins, stops, leaves, fails };
+        let next = transitions.next_phase(at, was.phase);
         let changes = T::lit(0.5).lt((next - was.phase).abs());
         s.memory.phase = next;
         s.memory.since = T::select(changes, zero, s.memory.since);
-        s.memory.cause = T::select(fails, cause, T::select(leaves, zero, was.cause));
+        s.memory.cause = T::select(fails, fault.cause, T::select(leaves, zero, was.cause));
         let will = Phases::<T>::of(next);
 
         // where the load is held: from where it came to rest, or where the valve opened
         let rests = l.still_time.lt(s.memory.still_for);
         let settles = ((at.holding | at.fault) & !rests) | (at.releasing & !runs);
-        let crept = at.fault & is_wrong;
+        let crept = at.fault & fault.is_wrong;
         s.memory.held_at = T::select(changes | settles | crept, now.stroke, was.held_at);
 
         // motor and valve
-        let ramp = one - s.memory.stop_since / (T::lit(CONTROLLED_RAMP) * l.stop_time);
-        let mut speed = zero;
-        let carries = will.releasing | (proven & will.opening);
-        speed = T::select(carries, s.release.motor_speed, speed);
-        speed = T::select(will.opening & !proven, was.motor_speed, speed);
-        speed = T::select(will.controlling & is_valid, wanted, speed);
-        speed = T::select(stops, s.memory.stop_from * ramp.max(zero), speed);
-        let brakes = (at_once & !at.fault) | (at.controlling & !enabled);
+        let speed = self.phase_speed(&will, &transitions, was, &s, wanted, is_valid);
+        let brakes = (fault.at_once & !at.fault) | (at.controlling & !requests.enabled);
         let from = T::select(brakes, as_read, was.motor_speed);
         s.memory.motor_speed = self.limited_speed(speed, from);
         let opens = will.opening | will.controlling | stops;
@@ -345,6 +261,24 @@ impl<T: Real> Frame<T> {
         s.memory.has_begun = one;
         let output = self.output(&s);
         (s, output)
+    }
+
+    /// What is asked for; a rise of `start` or `reset_fault` is a request once.
+    fn requests(
+        &self,
+        was: &FrameMemory<T>,
+        now: &FrameInput<T>,
+        s: &mut FrameMemory<T>,
+    ) -> Requests<T> {
+        let (zero, one) = (T::zero(), T::one());
+        // what is no number holds: neither is it enabled, nor is hold off
+        let (enabled, holds) = (is_set(now.enable), !now.hold.lt(T::lit(0.5)));
+        s.enabled_for = T::select(enabled, was.enabled_for + self.limits.period, zero);
+        let starts = is_set(now.start) & !is_set(was.start);
+        let resets = is_set(now.reset_fault) & !is_set(was.reset);
+        s.start = T::select(is_set(now.start), one, zero);
+        s.reset = T::select(is_set(now.reset_fault), one, zero);
+        Requests { enabled, holds, starts, resets }
     }
 
     /// Advances the release of the load: whether it runs, and whether it has proven that the pump carries
@@ -395,6 +329,95 @@ impl<T: Real> Frame<T> {
         let is_limited = T::lit(0.5 * REFERENCE_SLACK).lt((followed - position).abs());
         let velocity = T::select(is_limited, zero, now.reference_velocity + back);
         SetPoint { position, velocity }
+    }
+
+    /// Whether the controller has to use its fallback gains: after a sustained oscillation about the reference
+    /// position \[m\], until a reset.
+    fn falls_back(&self, period: &Period<'_, T>, reference: T, s: &mut FrameState<T>) -> T::Mask {
+        let Period { at, was, now, requests } = period;
+        let rests = at.controlling & !T::lit(RESTS).lt(now.reference_velocity.abs());
+        let error = reference - now.stroke;
+        let oscillates =
+            self.oscillation.update(&mut s.oscillation, error, rests, self.limits.period);
+        let falls_back = (oscillates | is_set(was.falls_back)) & !(requests.resets & !at.fault);
+        s.memory.falls_back = T::select(falls_back, T::one(), T::zero());
+        falls_back
+    }
+
+    /// The fault, if there is one, and whether the load is held at once for it.
+    fn detect(&self, period: &Period<'_, T>, s: &FrameMemory<T>, wrong: Wrong<T>) -> Detection<T> {
+        let Period { at, was, .. } = period;
+        let Wrong(cause) = wrong;
+        // before anything acts, what is wrong may go away for a while
+        let has_waited = self.limits.wait_time.lt(s.enabled_for);
+        let is_wrong = (!at.idle | has_waited) & T::lit(0.5).lt(cause);
+        let at_once = is_wrong & is_held_at_once(cause);
+        let fails = is_wrong & (!at.fault | (at_once & !is_held_at_once(was.cause)));
+        Detection { cause, is_wrong, at_once, fails }
+    }
+
+    /// Whether a controlled stop is under way, which it is while valve and drive obey, else the load is held at once;
+    /// and the motor speed as read \[rev/s\], from which it begins.
+    fn controlled_stop(
+        &self,
+        period: &Period<'_, T>,
+        fault: &Detection<T>,
+        s: &mut FrameState<T>,
+    ) -> (T::Mask, T) {
+        let Period { at, was, now, requests } = period;
+        let (zero, one) = (T::zero(), T::one());
+        let Requests { enabled, holds, .. } = *requests;
+        let Detection { is_wrong, at_once, .. } = *fault;
+        let obeys = at.opening | at.controlling;
+        let begins_stop = obeys & enabled & (holds | is_wrong) & !at_once;
+        let goes_on =
+            is_set(was.stops) & enabled & !at_once & s.memory.stop_since.lt(self.limits.stop_time);
+        let stops = begins_stop | goes_on;
+        let as_read = s.drive.plausible(now.motor_speed_read);
+        s.memory.stops = T::select(stops, one, zero);
+        s.memory.stop_since = T::select(begins_stop, zero, s.memory.stop_since);
+        s.memory.stop_from = T::select(begins_stop, as_read, was.stop_from);
+        (stops, as_read)
+    }
+
+    /// Whether a fault is left: by a reset, with everything well for a period of the load mode.
+    fn leaves_fault(
+        &self,
+        period: &Period<'_, T>,
+        is_wrong: T::Mask,
+        stops: T::Mask,
+        s: &mut FrameMemory<T>,
+    ) -> T::Mask {
+        let l = &self.limits;
+        let Period { at, was, now, requests } = period;
+        let at_rest = was.motor_speed.abs().lt(T::lit(1e-9)) & !stops;
+        let turns = self.drive.uncommanded.lt(now.motor_speed_read.abs());
+        let is_shut = now.valve_state.lt(T::lit(0.5)) & l.valve_time.lt(s.valve_since);
+        let is_still = s.velocity.abs().lt(l.still_speed);
+        let is_well = at.fault & at_rest & is_still & !is_wrong & !turns & is_shut;
+        s.well_for = T::select(is_well, was.well_for + l.period, T::zero());
+        at.fault & requests.resets & l.still_time.lt(s.well_for)
+    }
+
+    /// Motor speed of the next phase \[rev/s\], before its limits; `wanted` is the controller's.
+    fn phase_speed(
+        &self,
+        will: &Phases<T>,
+        transitions: &Transitions<T>,
+        was: &FrameMemory<T>,
+        s: &FrameState<T>,
+        wanted: T,
+        is_valid: T::Mask,
+    ) -> T {
+        let (zero, one) = (T::zero(), T::one());
+        let Transitions { proven, stops, .. } = *transitions;
+        let ramp = one - s.memory.stop_since / (T::lit(CONTROLLED_RAMP) * self.limits.stop_time);
+        let mut speed = zero;
+        let carries = will.releasing | (proven & will.opening);
+        speed = T::select(carries, s.release.motor_speed, speed);
+        speed = T::select(will.opening & !proven, was.motor_speed, speed);
+        speed = T::select(will.controlling & is_valid, wanted, speed);
+        T::select(stops, s.memory.stop_from * ramp.max(zero), speed)
     }
 
     /// A motor speed within its limit, and within the slew rate of where it is \[rev/s\].

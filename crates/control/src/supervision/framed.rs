@@ -60,7 +60,7 @@ impl<T: Real> FramedBenchmark<T> {
             let benchmark = gains(&self.benchmark, now.falls_back);
             let measured = measured(now, self.area_ratio);
             let feedforward = benchmark.velocity_feedforward(&now.reference);
-            led(&benchmark, &mut controller, now, &measured, feedforward, now.begins)
+            motor_speed(&benchmark, &mut controller, now, &measured, feedforward, now.begins)
         });
         (FramedBenchmarkState { frame, controller }, output)
     }
@@ -184,7 +184,7 @@ impl<T: Real> FramedSimulationFeedforward<T> {
             let velocity = benchmark.velocity_feedforward(&now.reference);
             let feedforward = T::select(is_lost | now.falls_back, velocity, alignment.motor);
             let takes_over = now.begins | (is_lost & !was_lost);
-            led(&benchmark, &mut controller, now, &measured, feedforward, takes_over)
+            motor_speed(&benchmark, &mut controller, now, &measured, feedforward, takes_over)
         });
         (FramedSimulationState { frame, controller, simulated, alignment }, output)
     }
@@ -222,7 +222,7 @@ fn measured<T: Real>(now: &Directive<T>, area_ratio: T) -> BenchmarkInput<T> {
 }
 
 /// Motor speed \[rev/s\] of the benchmark; where it takes over, the one commanded until now.
-fn led<T: Real>(
+fn motor_speed<T: Real>(
     benchmark: &Benchmark<T>,
     memory: &mut FramedMemory<T>,
     now: &Directive<T>,

@@ -19,8 +19,10 @@
 //! One period is [`Release::advance`], over any scalar: its phases are numbers and its branches
 //! `select`, so that exported blocks carry the same code.
 
+mod proof;
+
 use hydroboom_math::{Real, record};
-use hydroboom_model::hydraulics::Oil;
+use proof::{Lift, LoadJudgement, Period, Rest};
 
 record! {
     /// Settings of a release, derived from a crane file's values and ranges.
@@ -284,39 +286,10 @@ pub mod phase {
     pub const PROVEN: f64 = 3.0;
 }
 
-/// Standard deviations of the scatter at rest that a motion must exceed.
-const SIGNIFICANT: f64 = 4.0;
-/// Time for which pressures must agree where there is no check function \[s\].
-const BALANCED: f64 = 0.1;
-/// Periods of the load mode in which a lifted load has to come to rest.
-const SETTLING_PERIODS: f64 = 6.0;
-
 impl<T: Real> Release<T> {
     /// Initial state of a release, with the motor at rest.
     pub fn begin(&self) -> ReleaseState<T> {
         ReleaseState::from_array([T::zero(); ReleaseState::NAMES.len()])
-    }
-
-    /// Movement \[m\] that the load springs by when the valve opens, with the piston so far \[m\] from the
-    /// end that the load pushes it to: the loaded side expands by what the other side no longer holds back.
-    ///
-    /// `(V_A + V_PA) (S(p_A) − S(p_A − (p_B − p_PB) A_B/A_A))/A_A`, with the softest oil.
-    #[inline(always)]
-    fn spring(&self, now: &ReleaseInput<T>, height: T) -> T {
-        let oil = Oil {
-            bulk_modulus_max: self.bulk_modulus,
-            bulk_modulus_min: T::one() / self.largest_compliance,
-            transition_pressure: self.transition,
-            transition_slope: self.transition_slope,
-            vapour_pressure: T::zero(),
-        };
-        let trapped = (now.pressure_other - now.pressure_other_pump).max(T::zero());
-        let held_back = trapped * self.other_area / self.area;
-        // the loaded side carries what is shut in and the smallest load at least, whatever it shows
-        let before = now.pressure_load.max(self.least_pressure + held_back);
-        let after = (before - held_back).max(T::zero());
-        let volume = self.dead_volume + self.area * height + self.pump_volume;
-        volume * (oil.compression(before) - oil.compression(after)) / self.area
     }
 
     /// One control period; `elapsed` \[s\] is its length by the machine's clock.
@@ -327,7 +300,7 @@ impl<T: Real> Release<T> {
         now: &ReleaseInput<T>,
         elapsed: T,
     ) -> ReleaseState<T> {
-        let (zero, one) = (T::zero(), T::one());
+        let zero = T::zero();
         let is = |phase: f64| {
             let lower = T::lit(phase - 0.5).lt(before.phase);
             lower & before.phase.lt(T::lit(phase + 0.5))
@@ -342,118 +315,31 @@ impl<T: Real> Release<T> {
         let begins = before.time.lt(T::lit(1e-12));
         s.origin = T::select(begins, now.stroke, before.origin);
         let position = now.stroke - s.origin;
+        let period = Period { before, now, elapsed, at_rest, filling, settling, is_new, position };
 
-        // mean of the newest window
-        s.sum = before.sum + T::select(is_new, position, zero);
-        s.count = before.count + T::select(is_new, one, zero);
-        s.window_time = before.window_time + elapsed;
-        let closes = self.window.lt(s.window_time + T::lit(0.5) * self.period) & zero.lt(s.count);
-        s.mean = T::select(closes, s.sum / s.count.max(one), before.mean);
-        s.sum = T::select(closes, zero, s.sum);
-        s.count = T::select(closes, zero, s.count);
-        s.window_time = T::select(closes, zero, s.window_time);
-
+        let closes = self.average(&period, &mut s);
         let has_check = T::lit(0.5).lt(self.check_function);
-        // at rest: mean, scatter and drift
-        let counted = T::select(at_rest & is_new, one, zero);
-        let in_first_half = s.phase_time.lt(T::lit(0.5) * self.observation);
-        let half = T::select(in_first_half, counted, zero);
-        s.rest_sum = before.rest_sum + counted * position;
-        s.rest_squares = before.rest_squares + counted * position.square();
-        s.rest_count = before.rest_count + counted;
-        s.half_sum = before.half_sum + half * position;
-        s.half_count = before.half_count + half;
-        let rest_pressure = before.rest_pressure
-            + (now.pressure_load - before.rest_pressure) / s.rest_count.max(one);
-        s.rest_pressure = T::select(at_rest & is_new, rest_pressure, before.rest_pressure);
-        let observed = at_rest & self.observation.lt(s.phase_time);
-        let mean = s.rest_sum / s.rest_count.max(one);
-        let first = s.half_sum / s.half_count.max(one);
-        let second = (s.rest_sum - s.half_sum) / (s.rest_count - s.half_count).max(one);
-        let variance = (s.rest_squares / s.rest_count.max(one) - mean.square()).max(zero);
-        // while the pump fills, the mean at rest follows slowly: a position that drifts is no lift
-        let follows =
-            before.rest_mean + (s.mean - before.rest_mean) * self.window / self.observation;
-        let rest_mean = T::select(filling & closes, follows, before.rest_mean);
-        s.rest_mean = T::select(observed, mean, rest_mean);
-        s.scatter = T::select(observed, variance.sqrt(), before.scatter);
-        let drifts = self.rest_drift.lt((second - first).abs());
-        let needed = (T::lit(SIGNIFICANT) * s.scatter).max(self.proving_motion);
-        let too_noisy = self.largest_motion.lt(needed);
-        // on the lower stop the stop carries the load; elsewhere some pressure must
-        let height = T::select(zero.lt(self.direction), now.stroke, self.stroke - now.stroke);
-        let hangs = self.end_zone.lt(height);
-        let low = s.rest_pressure.lt(self.least_pressure - self.pressure_tolerance);
-        // what is shut in on the other side is carried besides the load
-        let held_back = now.pressure_other.max(zero) * self.other_area / self.area;
-        let most = self.most_pressure + held_back + self.pressure_tolerance;
-        let high = most.lt(s.rest_pressure);
-        let impossible = hangs & low;
-        let compressed = now.pressure_pump.max(zero) * self.largest_compliance;
-        let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
-        s.least_volume = T::select(observed, least_volume, before.least_volume);
-
-        // without check function an empty pump side is to be filled: one that shows the load's pressure
-        // before the pump turned has not drained, or its transducer shows another pressure
-        let is_drained = now
-            .pressure_pump
-            .lt(now.pressure_load - self.pressure_tolerance - self.pressure_tolerance);
-        let undrained = observed & !has_check & !is_drained;
-        let springs = observed & self.largest_spring.lt(self.spring(now, height));
-
-        // delivered volume, against the load
-        let delivered = self.direction * now.motor_speed * self.delivery * elapsed;
-        s.volume = before.volume + T::select(filling | settling, delivered, zero);
-        let lift = self.direction * (s.mean - s.rest_mean);
-        let moved = filling & needed.lt(lift);
-        let too_soon = moved & s.volume.lt(s.least_volume);
-        // moved away from the load: a position that drifts the other way
-        let sank = filling & lift.lt(-needed);
-        let difference = now.pressure_pump - now.pressure_load;
-        let apart = self.pressure_tolerance.lt(difference.abs());
-
-        // at the upper end stop the piston cannot move: the cylinder's pressure answers instead
-        let at_upper_end = (self.stroke - self.end_zone).lt(height);
-        let rise = now.pressure_load - s.rest_pressure;
-        let enough = s.least_volume.lt(s.volume);
-        let answered = self.pressure_response.lt(rise) & enough & !apart;
-        // without check function nothing passes: delivered volume and pressure
-        let agrees = filling & !apart & enough;
-        s.balanced = T::select(agrees, before.balanced + elapsed, zero);
-        let balanced = T::lit(BALANCED).lt(s.balanced);
-        let by_pressure =
-            filling & ((!has_check & balanced) | (has_check & at_upper_end & answered));
-        let spent = filling & (self.largest_volume.lt(s.volume) | self.largest_duration.lt(s.time));
-
-        // settling: over a period of the load mode the piston stays where it is; a swinging one gets
-        // a few periods, a position that drifts does not become steady
-        let over = settling & self.observation.lt(s.settling_time);
-        let stays = (s.mean - before.settled_mean).abs().lt(self.proving_motion);
-        let settled = over & stays;
-        s.settling_time = T::select(settling & !over, before.settling_time + elapsed, zero);
-        let restarts = !(before.settling_time.lt(T::lit(1e-12)));
-        s.settled_mean = T::select(restarts & !over, before.settled_mean, s.mean);
-        let patience = T::lit(SETTLING_PERIODS) * self.observation;
-        let still_moves = settling & !settled & patience.lt(s.phase_time);
-
-        // the next phase; a refusal counts more than progress
-        let number = |value: f64| T::lit(value);
-        let mut next = before.phase;
-        next = T::select(observed, number(phase::FILLING), next);
-        next = T::select(moved | by_pressure, number(phase::SETTLING), next);
-        next = T::select(settled, number(phase::PROVEN), next);
-        let not_steady = (observed & (drifts | too_noisy)) | too_soon | sank | still_moves;
-        let disagrees = undrained | (observed & impossible) | (moved & apart) | (settled & apart);
-        next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
-        next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
-        next = T::select(observed & high, number(Refusal::LoadTooHeavy.phase()), next);
-        next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);
-        next = T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next);
+        let rest = self.observe_rest(&period, closes, &mut s);
+        let load = self.judge_load(&period, rest.observed, has_check, &mut s);
+        let lift = self.lift(&period, rest.needed, &mut s);
+        let (by_pressure, spent) = self.balance(&period, has_check, lift.apart, &mut s);
+        let (settled, still_moves) = self.settle(&period, &mut s);
+        let transitions =
+            Transitions { rest, load, lift, by_pressure, spent, settled, still_moves };
+        let next = transitions.next_phase(before.phase);
         let changes = (next - before.phase).abs();
         s.phase_time = T::select(T::lit(0.5).lt(changes), zero, s.phase_time);
         s.phase = next;
+        let wanted = self.pump_speed(now, has_check, next);
+        let reach = self.slew * self.period;
+        s.motor_speed = wanted.clamp(before.motor_speed - reach, before.motor_speed + reach);
+        s
+    }
 
-        // motor speed: fast, slow, then what leaks
+    /// Motor speed \[rev/s\] in the phase `next`: fast, slow, then what leaks.
+    #[inline(always)]
+    fn pump_speed(&self, now: &ReleaseInput<T>, has_check: T::Mask, next: T) -> T {
+        let zero = T::zero();
         // readings only choose how fast the pump fills: if they are wrong, the lift is less gentle
         let is_far = now.pressure_pump.lt(now.pressure_load - self.approach);
         let filling_speed = T::select(is_far, self.fast, self.slow);
@@ -469,10 +355,45 @@ impl<T: Real> Release<T> {
         let is_filling =
             T::lit(phase::FILLING - 0.5).lt(next) & next.lt(T::lit(phase::FILLING + 0.5));
         let is_held = T::lit(phase::FILLING + 0.5).lt(next);
-        let wanted = self.direction
-            * T::select(is_filling, filling_speed, T::select(is_held, holding_speed, zero));
-        let reach = self.slew * self.period;
-        s.motor_speed = wanted.clamp(before.motor_speed - reach, before.motor_speed + reach);
-        s
+        self.direction
+            * T::select(is_filling, filling_speed, T::select(is_held, holding_speed, zero))
+    }
+}
+
+/// Conditions of the transitions from one phase to the next.
+struct Transitions<T: Real> {
+    rest: Rest<T>,
+    load: LoadJudgement<T>,
+    lift: Lift<T>,
+    /// Balance proven by volume and pressure.
+    by_pressure: T::Mask,
+    /// All volume delivered, or all time passed, that can be needed.
+    spent: T::Mask,
+    settled: T::Mask,
+    still_moves: T::Mask,
+}
+
+impl<T: Real> Transitions<T> {
+    /// The next phase; a refusal counts more than progress.
+    #[inline(always)]
+    fn next_phase(&self, phase: T) -> T {
+        let Self { rest, load, lift, by_pressure, spent, settled, still_moves } = self;
+        let Rest { observed, drifts, too_noisy, .. } = *rest;
+        let LoadJudgement { too_light, too_heavy, undrained, springs } = *load;
+        let Lift { moved, too_soon, sank, apart } = *lift;
+        let (by_pressure, spent) = (*by_pressure, *spent);
+        let (settled, still_moves) = (*settled, *still_moves);
+        let number = |value: f64| T::lit(value);
+        let mut next = phase;
+        next = T::select(observed, number(phase::FILLING), next);
+        next = T::select(moved | by_pressure, number(phase::SETTLING), next);
+        next = T::select(settled, number(phase::PROVEN), next);
+        let not_steady = (observed & (drifts | too_noisy)) | too_soon | sank | still_moves;
+        let disagrees = undrained | (observed & too_light) | (moved & apart) | (settled & apart);
+        next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
+        next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
+        next = T::select(observed & too_heavy, number(Refusal::LoadTooHeavy.phase()), next);
+        next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);
+        T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next)
     }
 }

@@ -56,7 +56,7 @@ pub(super) fn worst(
     description: &Description,
     payload: [f64; 2],
 ) -> Result<(WorstMargins, f64), DesignError> {
-    let mut judged = Judged {
+    let mut search = MarginSearch {
         description,
         around: benchmark_loop(description),
         worst: WorstMargins {
@@ -72,24 +72,24 @@ pub(super) fn worst(
     let stroke = description.numbers.stroke;
     let [first, .., last] = POSITIONS.map(|share| share * stroke);
     for position in POSITIONS.map(|share| share * stroke) {
-        judged.along(payload, JUDGED_PAYLOADS, |payload| (payload, position))?;
+        search.along(payload, JUDGED_PAYLOADS, |payload| (payload, position))?;
     }
-    let worst = judged.worst.payload_kg;
-    judged.along([first, last], JUDGED_POSITIONS, |position| (worst, position))?;
-    let position = judged.worst.stroke_mm * 1e-3;
-    judged.along(payload, JUDGED_PAYLOADS, |payload| (payload, position))?;
-    Ok((judged.worst, judged.at_hz))
+    let worst = search.worst.payload_kg;
+    search.along([first, last], JUDGED_POSITIONS, |position| (worst, position))?;
+    let position = search.worst.stroke_mm * 1e-3;
+    search.along(payload, JUDGED_PAYLOADS, |payload| (payload, position))?;
+    Ok((search.worst, search.at_hz))
 }
 
-/// Gains that are judged at one payload and position after the other.
-struct Judged<'a> {
+/// Search for the worst margins, at one payload and position after the other.
+struct MarginSearch<'a> {
     description: &'a Description,
     around: Loop,
     worst: WorstMargins,
     at_hz: f64,
 }
 
-impl Judged<'_> {
+impl MarginSearch<'_> {
     /// The largest sensitivity with a payload \[kg\] at a position \[m\]; infinite where the loop is unstable.
     fn at(&mut self, (payload, position): (f64, f64)) -> Result<f64, DesignError> {
         let mut loaded = self.description.clone();

@@ -52,9 +52,9 @@ fn function(
     }
 }
 
-/// Helper functions of the generated code.
-pub(super) fn helpers(precision: Precision, own: &str) -> String {
-    // no warning about helpers that no block calls
+/// Elementary functions and definitions of the generated code.
+pub(super) fn definitions(precision: Precision, own: &str) -> String {
+    // no warning about functions that no block calls
     const UNUSED: &str = "#if defined(__GNUC__)\n#define HB_MAYBE_UNUSED __attribute__((unused))\n#else\n#define HB_MAYBE_UNUSED\n#endif\n";
     let real = format!("{own}real");
     let shared = "\n#define HB_INFINITY INFINITY\n#define HB_NAN NAN\n";

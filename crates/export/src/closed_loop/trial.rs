@@ -1,9 +1,10 @@
 //! One trial of an exported controller on the virtual crane.
 
-use super::case::{Case, Moment};
+use super::case::{Case, Disturbed, Moment};
 use super::target::{Target, TargetError};
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::reference::profile::{OutAndBack, RampShape};
+use hydroboom_control::measurement::AxisSignals;
+use hydroboom_control::reference::profile::{OutAndBack, RampShape, SetPoint};
 use hydroboom_control::supervision::frame::{
     FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
 };
@@ -124,68 +125,36 @@ pub fn run(
     start.preload = 0.0;
     let mut crane = VirtualCrane::new(&description, &start)?;
     let period = n.control_period;
-    let up = case.stroke < 0.5 * n.stroke;
-    let course = OutAndBack {
-        start: case.stroke,
-        end: case.stroke + if up { TRAVEL } else { -TRAVEL },
-        speed: n.fast,
-        ramp: n.ramp,
-        dwell: AFTER,
-        rest: case.rest,
-        profile: RampShape::Trapezoidal,
-    };
+    let course = course(model, case);
     let travel = course.travel_time();
     let length = if case.moves { case.rest + travel + AFTER } else { case.rest };
     let mut outcome = Outcome::default();
-    let mut squares = 0.0;
     let mut seen = Evaluation { period, held_at: case.stroke, ..Evaluation::default() };
-    let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
-    let mut commanded = 0.0;
-    let mut frozen: Option<(u32, [f64; FrameInput::NAMES.len()])> = None;
+    let mut injection = Injection::default();
     let longest = ((case.held + RELEASED_WITHIN + length + LONGER) / period) as u32;
     for k in 0..longest {
         let time = f64::from(k) * period;
-        let reading = crane.signals();
         let course_time = seen.controls_since.map(|since| f64::from(k - since) * period);
-        let moved = course_time.filter(|_| case.moves).unwrap_or(0.0);
-        let moves = case.moves && course_time.is_some();
+        let moved = course_time.filter(|_| case.moves);
         let asked = |after: f64| {
-            let time = if moves { moved + after } else { 0.0 };
+            let time = moved.map_or(0.0, |moved| moved + after);
             course.reference(time.min(case.rest + travel + 0.5 * AFTER))
         };
         let reference = asked(0.0);
         target.look_ahead(&asked);
-        given = FrameInput {
-            start: f64::from(u8::from(time >= case.held)),
-            reference_position: reference.position,
-            reference_velocity: reference.velocity,
-            stroke: reading.stroke,
-            pressure_pump_a: reading.pressure_pump_a,
-            pressure_a: reading.pressure_a,
-            pressure_b: reading.pressure_b,
-            pressure_pump_b: reading.pressure_pump_b,
-            motor_speed_read: reading.motor_speed,
-            ..given
+        let mut input = frame_input(&crane.signals(), &reference, time >= case.held);
+        let has_begun = |moment: Moment| {
+            course_time.is_some_and(|time| time >= begins(moment, case.rest, travel))
         };
-        let mut wrong = given;
-        if let (Some(disturbed), Some(time)) = (case.disturbed, course_time)
-            && time >= begins(disturbed.moment, case.rest, travel)
-        {
-            let (count, before) = frozen.get_or_insert((0, given.to_array()));
+        if let Some(disturbed) = case.disturbed.filter(|of| has_begun(of.moment)) {
             seen.disturbed = true;
-            if *count < disturbed.periods {
-                *count += 1;
-                let mut array = given.to_array();
-                let place = disturbed.input;
-                array[place] = disturbed.bad.of(array[place], before[place]);
-                wrong = FrameInput::from_array(array);
-            }
+            input = injection.disturbed(&disturbed, &input);
         }
-        let gain = match (case.gain, course_time) {
-            (Some((factor, when)), Some(time)) if time >= begins(when, case.rest, travel) => factor,
+        let gain = match case.gain {
+            Some((factor, when)) if has_begun(when) => factor,
             _ => 1.0,
         };
-        let output = target.period(&wrong, gain)?;
+        let output = target.period(&input, gain)?;
         outcome.is_not_finite |= output.to_array().iter().any(|value| !value.is_finite());
         let command =
             AxisCommand { motor_speed: output.motor_speed, holding_valve: output.holding_valve };
@@ -193,38 +162,84 @@ pub fn run(
             outcome.broke = Some(error);
             break;
         }
-        let truth = crane.truth();
-        // a stop begins at the current motor speed, which may be a step of the command
-        let is_held = output.status != frame_phase::CONTROLLING;
-        let stops = is_held && seen.controls_since.is_some() && seen.stopped.is_none();
-        let slew = if stops { 0.0 } else { (output.motor_speed - commanded).abs() / period };
-        commanded = output.motor_speed;
-        outcome.motor_slew = outcome.motor_slew.max(slew);
-        outcome.motor_speed = outcome.motor_speed.max(output.motor_speed.abs());
-        let shown = match (0.0..=n.stroke).contains(&wrong.reference_position) {
-            true => wrong.reference_position,
+        let stroke = crane.truth().outputs.stroke;
+        seen.take_motor_speed(&mut outcome, &output);
+        let shown = match (0.0..=n.stroke).contains(&input.reference_position) {
+            true => input.reference_position,
             false => reference.position,
         };
         let shown = shown + output.reference_offset;
         let rests = reference.velocity == 0.0;
         let longer = course_time.is_some_and(|time| time > length);
-        seen.detect_oscillation(&mut outcome, &output, shown - truth.outputs.stroke, rests);
+        seen.detect_oscillation(&mut outcome, &output, shown - stroke, rests);
         if longer {
             if !seen.may_oscillate() || course_time.is_some_and(|time| time > length + LONGER) {
                 break;
             }
             continue;
         }
-        seen.take(&mut outcome, case, &output, truth.outputs.stroke, (k, time), shown);
-        if !outcome.course.is_empty() {
-            squares += (truth.outputs.stroke - shown).powi(2);
-            outcome.rms = (squares / outcome.course.len() as f64).sqrt();
-        }
+        seen.take(&mut outcome, case, &output, stroke, (k, time), shown);
         if seen.is_over(k) {
             break;
         }
     }
     Ok(outcome)
+}
+
+/// Course of a trial: out and back at the fast speed, towards the middle of the stroke.
+fn course(model: &Description, case: &Case) -> OutAndBack<f64> {
+    let n = &model.numbers;
+    let up = case.stroke < 0.5 * n.stroke;
+    OutAndBack {
+        start: case.stroke,
+        end: case.stroke + if up { TRAVEL } else { -TRAVEL },
+        speed: n.fast,
+        ramp: n.ramp,
+        dwell: AFTER,
+        rest: case.rest,
+        profile: RampShape::Trapezoidal,
+    }
+}
+
+/// Inputs of the frame, enabled, on a machine without a position switch at its valve.
+fn frame_input(
+    reading: &AxisSignals<f64>,
+    reference: &SetPoint<f64>,
+    starts: bool,
+) -> FrameInput<f64> {
+    FrameInput {
+        enable: 1.0,
+        valve_state: -1.0,
+        start: f64::from(u8::from(starts)),
+        reference_position: reference.position,
+        reference_velocity: reference.velocity,
+        stroke: reading.stroke,
+        pressure_pump_a: reading.pressure_pump_a,
+        pressure_a: reading.pressure_a,
+        pressure_b: reading.pressure_b,
+        pressure_pump_b: reading.pressure_pump_b,
+        motor_speed_read: reading.motor_speed,
+        ..FrameInput::default()
+    }
+}
+
+/// Injection of a disturbance: periods in which the input was wrong, and the inputs when it began.
+#[derive(Default)]
+struct Injection(Option<(u32, [f64; FrameInput::NAMES.len()])>);
+
+impl Injection {
+    /// Inputs of a control period with the disturbance, while it lasts.
+    fn disturbed(&mut self, disturbed: &Disturbed, given: &FrameInput<f64>) -> FrameInput<f64> {
+        let (count, before) = self.0.get_or_insert((0, given.to_array()));
+        if *count >= disturbed.periods {
+            return *given;
+        }
+        *count += 1;
+        let mut array = given.to_array();
+        let place = disturbed.input;
+        array[place] = disturbed.bad.of(array[place], before[place]);
+        FrameInput::from_array(array)
+    }
 }
 
 /// Beginning of the disturbance, as time of the course \[s\].
@@ -241,6 +256,10 @@ struct Evaluation {
     /// Control period \[s\].
     period: f64,
     held_at: f64,
+    /// Motor speed commanded last \[rev/s\].
+    commanded: f64,
+    /// Sum of the squared tracking errors over the course \[m²\].
+    squares: f64,
     energised_at: Option<f64>,
     controls_since: Option<u32>,
     disturbed: bool,
@@ -270,6 +289,18 @@ impl Evaluation {
                 outcome.oscillation = found;
             }
         }
+    }
+
+    /// Slew rate and size of the commanded motor speed.
+    fn take_motor_speed(&mut self, outcome: &mut Outcome, output: &FrameOutput<f64>) {
+        // a stop begins at the current motor speed, which may be a step of the command
+        let is_held = output.status != frame_phase::CONTROLLING;
+        let stops = is_held && self.controls_since.is_some() && self.stopped.is_none();
+        let change = (output.motor_speed - self.commanded).abs();
+        let slew = if stops { 0.0 } else { change / self.period };
+        self.commanded = output.motor_speed;
+        outcome.motor_slew = outcome.motor_slew.max(slew);
+        outcome.motor_speed = outcome.motor_speed.max(output.motor_speed.abs());
     }
 
     /// Whether the amplitude of the last half-cycles did not decay.
@@ -310,6 +341,8 @@ impl Evaluation {
         if self.controls_since.is_some() {
             outcome.course.push(stroke);
             outcome.error = outcome.error.max((stroke - reference).abs());
+            self.squares += (stroke - reference).powi(2);
+            outcome.rms = (self.squares / outcome.course.len() as f64).sqrt();
         }
         // the stop shows at once in the valve, or else in the status or the phase
         let is_stopped = output.holding_valve < 0.5 || output.status == frame_phase::STOPPING;

@@ -26,7 +26,7 @@ pub(super) fn balanced(block: &Block, parameters: &[&Variable]) -> String {
 }
 
 /// Connection of the FMI layer to a block: definitions before it, functions after it.
-pub(super) fn glue(
+pub(super) fn connection(
     block: &Block,
     slopes: Option<&Block>,
     counts: [usize; 4],

@@ -15,7 +15,7 @@ use crate::c::{Precision, files};
 use crate::error::ExportError;
 use crate::plan::Plan;
 use crate::step_limit::longest_step;
-use block_connection::{balanced, glue};
+use block_connection::{balanced, connection};
 use hydroboom_description::Description;
 use model_description::About;
 use parameter_check::impossible;
@@ -75,7 +75,7 @@ pub fn unit(
     let token = token(&identifier, &code.source);
     let counts = [parameters.len(), inputs.len(), shown(&states).len(), block.outputs.len()];
     let arrays = rows.iter().filter(|row| row.count > 1).count();
-    let [before, after] = glue(block, slopes, counts, arrays, &inputs, &token);
+    let [before, after] = connection(block, slopes, counts, arrays, &inputs, &token);
     let after = after + &impossible(&parameters) + &balanced(block, &parameters);
     let functions = match version {
         Version::Two => include_str!("fmi2.c"),

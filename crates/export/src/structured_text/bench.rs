@@ -2,8 +2,9 @@
 //!
 //! It is generic: each block is a [`Replay`], listed in `replays.rs`.
 
+use super::dialect::literal;
 use super::unit::{Declared, Kind, Section, Unit};
-use super::{WIDTH, line, literal};
+use super::{WIDTH, line};
 use std::collections::{BTreeMap, HashMap};
 
 /// Number of replayed calls.
@@ -211,23 +212,59 @@ END_IF;
 
 /// The test bench of these blocks.
 pub(super) fn test_bench(replays: &[Replay]) -> Unit {
-    let mut store = Store::default();
-    let mut outputs = Vec::new();
-    let mut blocks = Vec::new();
-    let (mut begins, mut calls, mut judges) = (String::new(), String::new(), String::new());
-    let (mut periods, mut compares) = (String::new(), String::new());
-    let mut all_passed = Vec::new();
-    for Replay { block, each_period, inputs, outputs: shown } in replays {
+    let mut bench = Bench::default();
+    for replay in replays {
+        bench.add(replay);
+    }
+    Unit {
+        kind: Kind::Program,
+        name: PROGRAM.into(),
+        comment: format!(
+            "Replays {CALLS} calls of each block, of controllers {PERIODS} control periods in each, and compares what it shows with what Rust computed. Call it until bDone: bPassed says \
+             that all is right, and of each block how far it is off, where less than {} is right.",
+            literal(TOLERANCE)
+        ),
+        body: bench.body(),
+        variables: bench.variables(),
+        tasks: Vec::new(),
+    }
+}
+
+/// Variables and statements of the test bench.
+#[derive(Default)]
+struct Bench {
+    store: Store,
+    outputs: Vec<Declared>,
+    /// Instances of the blocks, and of the comparison of each.
+    instances: Vec<Declared>,
+    /// Statements that restart the comparisons.
+    begins: String,
+    /// Calls and comparisons of the blocks that are called once a call.
+    calls: String,
+    /// Calls of the blocks that are called in each period of a call.
+    periods: String,
+    /// Their comparisons.
+    compares: String,
+    /// Statements that judge the worst differences.
+    judges: String,
+    /// Names of the outputs that say whether a block agrees.
+    all_passed: Vec<String>,
+}
+
+impl Bench {
+    /// Adds the calls and comparisons of a block.
+    fn add(&mut self, replay: &Replay) {
+        let Replay { block, each_period, inputs, outputs } = replay;
         let name = block.strip_prefix("FB_").unwrap_or(block);
         let (worst, passed) = (format!("fWorst{name}"), format!("bPassed{name}"));
         let (instance, compared) = (format!("fb{name}"), format!("fbWorst{name}"));
         let said = format!("Worst difference of {block}, as a share of each signal's size");
-        outputs.push(Declared::new(Section::Output, &worst, "LREAL", None, &said));
+        self.outputs.push(Declared::new(Section::Output, &worst, "LREAL", None, &said));
         let said = format!("{block} agrees with Rust; valid when bDone is set");
-        outputs.push(Declared::new(Section::Output, &passed, "BOOL", None, &said));
-        blocks.push(Declared::new(Section::Local, &instance, block, None, ""));
-        blocks.push(Declared::new(Section::Local, &compared, COMPARISON, None, ""));
-        begins += &line(
+        self.outputs.push(Declared::new(Section::Output, &passed, "BOOL", None, &said));
+        self.instances.push(Declared::new(Section::Local, &instance, block, None, ""));
+        self.instances.push(Declared::new(Section::Local, &compared, COMPARISON, None, ""));
+        self.begins += &line(
             &format!(
                 "{compared}(bReset := TRUE, fFound := 0.0E0, fWanted := 0.0E0, fScale := 1.0E0);"
             ),
@@ -236,7 +273,7 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
         let given: Vec<String> = inputs
             .iter()
             .map(|(input, values)| {
-                let kept = store.kept(&format!("{block}.{input}"), values);
+                let kept = self.store.kept(&format!("{block}.{input}"), values);
                 match (*each_period, *input) {
                     (true, "bReset") => format!("{input} := {kept} AND (iPeriod = 0)"),
                     _ => format!("{input} := {kept}"),
@@ -245,12 +282,12 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
             .collect();
         let called = format!("{instance}({});", given.join(", "));
         match each_period {
-            true => periods += &line(&called, 1),
-            false => calls += &line(&called, 2),
+            true => self.periods += &line(&called, 1),
+            false => self.calls += &line(&called, 2),
         }
-        let comparing = if *each_period { &mut compares } else { &mut calls };
-        for (output, values, scale) in shown {
-            let wanted = store.kept(&format!("{block}.{output}"), &values.shortened());
+        let comparing = if *each_period { &mut self.compares } else { &mut self.calls };
+        for (output, values, scale) in outputs {
+            let wanted = self.store.kept(&format!("{block}.{output}"), &values.shortened());
             let found = values.as_number(&format!("{instance}.{output}"));
             let (wanted, scale) = (values.as_number(&wanted), literal(*scale));
             *comparing += &line(
@@ -260,23 +297,29 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
                 2,
             );
         }
-        judges += &line(&format!("{worst} := {compared}.fWorst;"), 1);
-        judges += &line(&format!("{passed} := bDone AND ({worst} < {});", literal(TOLERANCE)), 1);
-        judges +=
+        self.judges += &line(&format!("{worst} := {compared}.fWorst;"), 1);
+        self.judges +=
+            &line(&format!("{passed} := bDone AND ({worst} < {});", literal(TOLERANCE)), 1);
+        self.judges +=
             &format!("    IF fWorst < {worst} THEN\n        fWorst := {worst};\n    END_IF;\n");
-        all_passed.push(passed);
+        self.all_passed.push(passed);
     }
-    let set: String = store
-        .set
-        .iter()
-        .map(|(k, said)| {
-            format!("    IF iCall = {k} THEN\n{}    END_IF;\n", said.replace("    ", "        "))
-        })
-        .collect();
-    let periods_in_call = literal(PERIODS as f64);
-    let every = line(&format!("bPassed := {};", all_passed.join(" AND ")), 1);
-    let body = format!(
-        "\
+
+    /// Statements of the program.
+    fn body(&self) -> String {
+        let Self { store, begins, calls, periods, compares, judges, all_passed, .. } = self;
+        let set: String = store
+            .set
+            .iter()
+            .map(|(k, said)| {
+                let said = said.replace("    ", "        ");
+                format!("    IF iCall = {k} THEN\n{said}    END_IF;\n")
+            })
+            .collect();
+        let periods_in_call = literal(PERIODS as f64);
+        let every = line(&format!("bPassed := {};", all_passed.join(" AND ")), 1);
+        format!(
+            "\
 IF NOT bBegun THEN
 {begins}{}    iCall := 0;
     iBefore := 0;
@@ -302,38 +345,32 @@ IF NOT bDone THEN
     fWorst := 0.0E0;
 {judges}{every}END_IF;
 ",
-        store.filled
-    );
-    let variable = |section, name: &str, kind: &str, comment: &str| {
-        Declared::new(section, name, kind, None, comment)
-    };
-    let mut variables = vec![
-        variable(Section::Output, "bDone", "BOOL", "All calls are done"),
-        variable(Section::Output, "bPassed", "BOOL", "Every block agrees with Rust"),
-        variable(Section::Output, "fWorst", "LREAL", "Worst difference of all blocks"),
-    ];
-    variables.extend(outputs);
-    variables.extend([
-        variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to restart"),
-        variable(Section::Local, "iCall", "DINT", "Call"),
-        variable(Section::Local, "iBefore", "DINT", "Call before"),
-        variable(Section::Local, "iPeriod", "DINT", "Control period within the call"),
-        variable(Section::Local, "fShare", "LREAL", ""),
-        variable(Section::Local, "fOdd", "LREAL", ""),
-    ]);
-    variables.extend(blocks);
-    variables.extend(store.variables);
-    Unit {
-        kind: Kind::Program,
-        name: PROGRAM.into(),
-        comment: format!(
-            "Replays {CALLS} calls of each block, of controllers {PERIODS} control periods in each, and compares what it shows with what Rust computed. Call it until bDone: bPassed says \
-             that all is right, and of each block how far it is off, where less than {} is right.",
-            literal(TOLERANCE)
-        ),
-        variables,
-        body,
-        tasks: Vec::new(),
+            store.filled
+        )
+    }
+
+    /// Variables of the program.
+    fn variables(self) -> Vec<Declared> {
+        let variable = |section, name: &str, kind: &str, comment: &str| {
+            Declared::new(section, name, kind, None, comment)
+        };
+        let mut variables = vec![
+            variable(Section::Output, "bDone", "BOOL", "All calls are done"),
+            variable(Section::Output, "bPassed", "BOOL", "Every block agrees with Rust"),
+            variable(Section::Output, "fWorst", "LREAL", "Worst difference of all blocks"),
+        ];
+        variables.extend(self.outputs);
+        variables.extend([
+            variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to restart"),
+            variable(Section::Local, "iCall", "DINT", "Call"),
+            variable(Section::Local, "iBefore", "DINT", "Call before"),
+            variable(Section::Local, "iPeriod", "DINT", "Control period within the call"),
+            variable(Section::Local, "fShare", "LREAL", ""),
+            variable(Section::Local, "fOdd", "LREAL", ""),
+        ]);
+        variables.extend(self.instances);
+        variables.extend(self.store.variables);
+        variables
     }
 }
 

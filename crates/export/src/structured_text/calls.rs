@@ -5,9 +5,11 @@
 //! not compile in matiec (beremiz/matiec#9), functions with `VAR_IN_OUT` not in IronPLC (ironplc/ironplc#1672). These
 //! function blocks have no state. Arrays have fixed lengths, since the second edition has no others.
 
+use super::dialect::{StructuredText, literal};
+use super::identifier::camel;
+use super::line;
 use super::lines::{Lines, array, kind_name};
 use super::unit::{Declared, Kind, Section, Unit};
-use super::{StructuredText, camel, line, literal};
 use crate::name::comment;
 use crate::statement::{Dialect, Function, ParameterKind, Statement};
 use std::collections::BTreeSet;

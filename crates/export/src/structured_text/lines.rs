@@ -1,7 +1,9 @@
 //! Statements as lines of Structured Text, with the local variables that they need.
 
 use super::calls::Calls;
-use super::{line, literal, unit::Declared, unit::Section};
+use super::dialect::literal;
+use super::line;
+use super::unit::{Declared, Section};
 use crate::name::{Names, comment};
 use crate::statement::{Kind, Loop, Run, Statement, listed};
 use std::collections::BTreeMap;

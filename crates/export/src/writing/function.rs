@@ -1,8 +1,9 @@
 //! The function of a loop body: parameters, statements and results.
 
-use super::Writing;
+use super::{Shared, Writing};
 use crate::graph::{Node, Op};
 use crate::name::Names;
+use crate::repeated_part::RepeatedPart;
 use crate::statement::{FEWEST, Function, Kind, Parameter, ParameterKind, Text, entry};
 use std::collections::HashMap;
 
@@ -42,53 +43,8 @@ impl Writing<'_, '_, '_> {
         let mut names = self.dialect.names();
         let mut head = Head::default();
         self.own(of.loop_number, &mut names, &mut head);
-        let taken = of.taken.iter().enumerate();
-        let is_number =
-            |node: Node| !matches!(graph.op(node), Op::Table(_)) && !graph.op(node).is_condition();
-        let mut numbers: Vec<usize> =
-            taken.clone().filter(|(_, node)| is_number(**node)).map(|(place, _)| place).collect();
-        // with a single loop, several entries of one array are passed as that array; other loops may use other arrays
-        if of.rows.len() == 1 {
-            numbers = self.arrays_of(&of.taken, given, numbers, &mut names, &mut head);
-        }
-        if numbers.len() > MOST_ONE_BY_ONE {
-            let name = names.free("b");
-            for (k, place) in numbers.iter().enumerate() {
-                let text = format!("{name}[{k}]");
-                if let Some(known) = self.known(of.taken[*place]) {
-                    head.legend.push(format!("{text}: {known}"));
-                }
-                head.texts.insert(of.taken[*place], Text::whole(text));
-            }
-            head.arrays.insert(name.clone(), numbers.len());
-            head.take(name, ParameterKind::Table(numbers.len()), Argument::Array(numbers));
-        } else {
-            for place in numbers {
-                let node = of.taken[place];
-                let name = match self.known(node).filter(|_| of.rows.len() == 1) {
-                    Some(known) => names.free(&known),
-                    None => names.numbered("b"),
-                };
-                head.texts.insert(node, Text::whole(name.clone()));
-                head.take(name, ParameterKind::One(Kind::Number), Argument::Outside(place));
-            }
-        }
-        for (place, node) in taken {
-            match graph.op(*node) {
-                Op::Table(number) => {
-                    let (name, length) = (names.numbered("r"), graph.table(number).len());
-                    head.tables.insert(*node, (name.clone(), 0));
-                    head.arrays.insert(name.clone(), length);
-                    head.take(name, ParameterKind::Table(length), Argument::Outside(place));
-                }
-                op if op.is_condition() => {
-                    let name = names.numbered("is");
-                    head.texts.insert(*node, Text::whole(name.clone()));
-                    head.take(name, ParameterKind::One(Kind::Condition), Argument::Outside(place));
-                }
-                _ => {}
-            }
-        }
+        self.take_numbers(&of, given, &mut names, &mut head);
+        self.take_tables_and_conditions(&of.taken, &mut names, &mut head);
         let Head { parameters, arguments, legend, texts, tables, arrays } = head;
         let mut inner = Writing {
             source: self.source,
@@ -121,19 +77,7 @@ impl Writing<'_, '_, '_> {
             body,
             results,
         };
-        let functions = &mut *self.shared.functions;
-        let known = functions.iter().position(|other| other.is_same_function(&function));
-        let place = match known {
-            Some(place) => {
-                functions[place].shared_with(&function);
-                place
-            }
-            None => {
-                functions.push(function);
-                functions.len() - 1
-            }
-        };
-        let defined = Defined { function: place, arguments };
+        let defined = Defined { function: self.shared.place(function), arguments };
         self.shared.defined.insert(part, defined.clone());
         defined
     }
@@ -158,6 +102,63 @@ impl Writing<'_, '_, '_> {
             };
             head.texts.insert(*node, Text::whole(name.clone()));
             head.take(name, taken, argument);
+        }
+    }
+
+    /// Parameters for numbers from outside: as existing arrays, as one array, or one by one.
+    fn take_numbers(&self, of: &RepeatedPart, given: &[Node], names: &mut Names, head: &mut Head) {
+        let graph = self.source.graph;
+        let is_number =
+            |node: Node| !matches!(graph.op(node), Op::Table(_)) && !graph.op(node).is_condition();
+        let taken = of.taken.iter().enumerate();
+        let mut numbers: Vec<usize> =
+            taken.filter(|(_, node)| is_number(**node)).map(|(place, _)| place).collect();
+        // with a single loop, several entries of one array are passed as that array; other loops may use other arrays
+        if of.rows.len() == 1 {
+            numbers = self.arrays_of(&of.taken, given, numbers, names, head);
+        }
+        if numbers.len() > MOST_ONE_BY_ONE {
+            let name = names.free("b");
+            for (k, place) in numbers.iter().enumerate() {
+                let text = format!("{name}[{k}]");
+                if let Some(known) = self.known(of.taken[*place]) {
+                    head.legend.push(format!("{text}: {known}"));
+                }
+                head.texts.insert(of.taken[*place], Text::whole(text));
+            }
+            head.arrays.insert(name.clone(), numbers.len());
+            head.take(name, ParameterKind::Table(numbers.len()), Argument::Array(numbers));
+        } else {
+            for place in numbers {
+                let node = of.taken[place];
+                let name = match self.known(node).filter(|_| of.rows.len() == 1) {
+                    Some(known) => names.free(&known),
+                    None => names.numbered("b"),
+                };
+                head.texts.insert(node, Text::whole(name.clone()));
+                head.take(name, ParameterKind::One(Kind::Number), Argument::Outside(place));
+            }
+        }
+    }
+
+    /// Parameters for tables and conditions from outside.
+    fn take_tables_and_conditions(&self, taken: &[Node], names: &mut Names, head: &mut Head) {
+        let graph = self.source.graph;
+        for (place, node) in taken.iter().enumerate() {
+            match graph.op(*node) {
+                Op::Table(number) => {
+                    let (name, length) = (names.numbered("r"), graph.table(number).len());
+                    head.tables.insert(*node, (name.clone(), 0));
+                    head.arrays.insert(name.clone(), length);
+                    head.take(name, ParameterKind::Table(length), Argument::Outside(place));
+                }
+                op if op.is_condition() => {
+                    let name = names.numbered("is");
+                    head.texts.insert(*node, Text::whole(name.clone()));
+                    head.take(name, ParameterKind::One(Kind::Condition), Argument::Outside(place));
+                }
+                _ => {}
+            }
         }
     }
 
@@ -223,6 +224,23 @@ impl Writing<'_, '_, '_> {
         all.into_iter()
             .map(|(name, node)| (self.names.numbered(name), self.text(node).text))
             .collect()
+    }
+}
+
+impl Shared<'_> {
+    /// Place of a function among those of the block; equal ones share a place.
+    fn place(&mut self, function: Function) -> usize {
+        let known = self.functions.iter().position(|other| other.is_same_function(&function));
+        match known {
+            Some(place) => {
+                self.functions[place].shared_with(&function);
+                place
+            }
+            None => {
+                self.functions.push(function);
+                self.functions.len() - 1
+            }
+        }
     }
 }
 

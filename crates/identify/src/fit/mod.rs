@@ -30,6 +30,7 @@ mod profile;
 mod residual;
 mod samples;
 mod score_covariance;
+mod stages;
 
 pub use determination::Determination;
 pub use monitor::Progress;
@@ -39,20 +40,19 @@ pub use profile::{LIMIT, Profile, profile};
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
-use crate::oscillation_features::OscillationFeatures;
 use crate::prediction::{Prediction, predict_from};
 use crate::structural_limit::limit_of;
 use covariance::Uncertainty;
 use determination::FitConditions;
-use features::FeatureResiduals;
 use hydroboom_description::Description;
 use information::FixedKeys;
 use layout::{Layout, PARAMETERS_PER_LOG};
-use least_squares::{LeastSquares, Prior, Termination};
+use least_squares::{LeastSquares, Prior};
 use monitor::Monitor;
 use nalgebra::DVector;
 use residual::{Deviations, Weighting, deviations, has_lack_of_fit, residuals};
 use samples::SampleResiduals;
+use stages::{match_oscillations, match_samples, solve};
 
 /// Maximum a posteriori estimate of a key θ, with its uncertainty as standard deviations of ln θ: 0.1 is about 10 %.
 #[derive(Clone, Debug, PartialEq)]
@@ -297,54 +297,14 @@ impl<'a> Task<'a> {
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let prior = task.prior();
     let layout = task.layout();
-    let coarse = task.coarse();
     let before = layout.predictions(&prior.mean)?;
     let monitor = Monitor::new(go_on);
     let mut parameters = DVector::from_column_slice(task.resume.unwrap_or(&prior.mean));
     if parameters.len() != prior.mean.len() {
         return Err(IdentifyError::Resume { moved: prior.mean.len(), saved: parameters.len() });
     }
-    // first stage: where log and model oscillate at different frequencies, samples would be compared out of
-    // phase
-    let predictions = layout.predictions(parameters.as_slice())?;
-    let features: Vec<Option<OscillationFeatures>> = task
-        .experiments
-        .iter()
-        .zip(&predictions)
-        .map(|(e, p)| OscillationFeatures::new(e, p, task.generations > 0))
-        .collect();
-    let all = Nuisance::named("all")?;
-    if features.iter().any(Option::is_some) {
-        let function = FeatureResiduals { features: &features };
-        // delays and offsets of channels change neither frequency nor damping
-        let keys = Layout { fixed: &all, ..layout };
-        let problem = LeastSquares::new(keys, function, &prior, parameters, &monitor);
-        let termination = Termination { cost: 1e-4, step: 1e-4, evaluations: 3 };
-        parameters = problem.global_search(task.generations).minimised(termination).0.parameters;
-    }
-    let predictions = layout.predictions(parameters.as_slice())?;
-    let mut sigma = deviations(task.experiments, &predictions, Weighting::Independent);
-    let accuracy = deviations(task.experiments, &predictions, Weighting::Transducers);
-    // second stage, with long integration steps, from the same place twice. Far from the minimum, delays
-    // and offsets of channels cause local minima, and so do small residuals of one signal beside large ones
-    // of another. Without them the cost may become smaller despite fewer parameters
-    let first = Layout { experiments: &coarse, ..layout };
-    let mut least = f64::INFINITY;
-    let initial = parameters;
-    parameters = initial.clone();
-    for (stage, weights) in [(first, &sigma), (Layout { fixed: &all, ..first }, &accuracy)] {
-        let function = SampleResiduals::new(stage.experiments, weights);
-        let (found, _) =
-            solve(LeastSquares::new(stage, function, &prior, initial.clone(), &monitor))?;
-        let at = found.parameters;
-        let function = SampleResiduals::new(first.experiments, &sigma);
-        let problem = LeastSquares::new(first, function, &prior, at.clone(), &monitor);
-        let residuals = problem.residual_vector(&at).unwrap_or_else(|| vec![f64::INFINITY]);
-        let cost: f64 = residuals.iter().map(|residual| residual * residual).sum();
-        if cost < least {
-            (parameters, least) = (at, cost);
-        }
-    }
+    parameters = match_oscillations(task, layout, &prior, parameters, &monitor)?;
+    parameters = match_samples(task, layout, &prior, parameters, &monitor)?;
     // third stage: residuals weighted by their power and correlation after the second
     let predictions = layout.predictions(parameters.as_slice())?;
     let correlated = deviations(task.experiments, &predictions, Weighting::Correlated);
@@ -354,7 +314,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     parameters = found.parameters;
     let mut cached = found.function.cached.into_inner();
     let after = layout.predictions(parameters.as_slice())?;
-    sigma = deviations(task.experiments, &after, Weighting::Correlated);
+    let sigma = deviations(task.experiments, &after, Weighting::Correlated);
     let fixed_keys = FixedKeys::of(task);
     let information =
         layout.information(parameters.as_slice(), &sigma, &mut cached, &prior, &fixed_keys.keys)?;
@@ -390,20 +350,6 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             uncertainty,
         },
     })
-}
-
-/// The problem at its minimum, and whether the iteration has converged. The tolerances are tight, because the
-/// cost function of an oscillating log has narrow, flat valleys.
-fn solve<'a, 'w>(
-    problem: LeastSquares<'a, 'w, SampleResiduals<'a>>,
-) -> Result<(LeastSquares<'a, 'w, SampleResiduals<'a>>, bool), IdentifyError> {
-    let monitor = problem.monitor;
-    monitor.borrow_mut().restart();
-    let found = problem.minimised(Termination { cost: 1e-6, step: 1e-5, evaluations: 6 });
-    if monitor.borrow().is_stopped() {
-        return Err(IdentifyError::Stopped);
-    }
-    Ok(found)
 }
 
 /// Results of each key.

@@ -9,57 +9,52 @@
 //! Source: D. Q. Mayne, J. B. Rawlings, C. V. Rao, P. O. M. Scokaert, *Constrained model predictive
 //! control: stability and optimality*, Automatica 36(6), 2000.
 
-use super::command_plan::CommandPlan;
 use super::condensed::{Block, Limit, Linear, condense};
 use super::estimated_machine::{EstimatedMachine, Now};
 use super::horizon::{BLOCKS, PERIODS, WEIGHTS};
 use super::quadratic_program::QuadraticProgram;
-use super::reference_ahead::{ReferenceAhead, ReferenceHorizon};
+use super::receding_horizon::{Optimiser, RecedingHorizon};
+use super::reference_ahead::ReferenceHorizon;
 use crate::LabError;
-use hydroboom_control::command::Command;
-use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::riccati::{LinearQuadratic, Matrix, ORDER};
-use hydroboom_control::measurement::Measurement;
-use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector};
 
 /// Iterations of the quadratic-program solver.
 const ITERATIONS: u32 = 10;
 
-/// Model-predictive controller with the linear plant of the operating point.
+/// Optimisation with the linear plant of the operating point.
 pub(super) struct LinearMpc {
-    machine: EstimatedMachine,
-    reference: Option<ReferenceAhead>,
     program: QuadraticProgram<BLOCKS, BLOCKS>,
-    plan: CommandPlan,
 }
 
 impl LinearMpc {
-    pub(super) fn new(model: &Description) -> Result<Self, LabError> {
-        let machine = EstimatedMachine::new(model)?;
-        let plan = CommandPlan::default();
-        Ok(Self { machine, reference: None, program: QuadraticProgram::empty(), plan })
+    /// Controller for a machine described by the model.
+    pub(super) fn controller(model: &Description) -> Result<RecedingHorizon<Self>, LabError> {
+        let optimiser = Self { program: QuadraticProgram::empty() };
+        Ok(RecedingHorizon::new(EstimatedMachine::new(model)?, optimiser))
     }
+}
 
-    /// Commands of the blocks \[rev/s\]; none if a factorisation fails or a value is not finite.
-    fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
-        let Self { machine, reference, program, .. } = self;
-        let now = machine.now()?;
+impl Optimiser for LinearMpc {
+    fn commands(
+        &mut self,
+        machine: &EstimatedMachine,
+        now: Now<'_>,
+        reference: ReferenceHorizon,
+        _next: Option<[f64; BLOCKS]>,
+    ) -> Option<[f64; BLOCKS]> {
         let law = &machine.law;
-        let start = || ReferenceAhead::at_rest(law, now, preview.now().position);
-        let horizon = reference.get_or_insert_with(start).horizon(law, now, preview);
         let plant = law.linear_quadratic(now.estimator, now.estimated);
-        let compliance =
-            law.model.at(now.predicted.position, now.estimated.filter.estimate.payload);
+        let point = law.model.at(now.predicted.position, now.estimated.filter.estimate.payload);
         let (blocks, end) =
-            linearised(&plant, compliance.compliance, &horizon, &Machine::of(machine, now));
+            linearised(&plant, point.compliance, &reference, &Machine::of(machine, now));
         let cost_to_go = square(&machine.regulator().cost_to_go);
         let speed = law.motor_speed;
-        condense(program, &blocks, (&cost_to_go, &end), speed);
-        let change = program.minimum(ITERATIONS)?;
+        condense(&mut self.program, &blocks, (&cost_to_go, &end), speed);
+        let change = self.program.minimum(ITERATIONS)?;
         let mut commands: [f64; BLOCKS] =
-            std::array::from_fn(|k| horizon.motor_speeds[k] + speed * change[k]);
+            std::array::from_fn(|k| reference.motor_speeds[k] + speed * change[k]);
         // the solution meets the limits to within the solver's tolerance only
         let (turns, reach) =
             (now.predicted.motor_speed, law.slew / now.estimated.drive.coefficient);
@@ -151,43 +146,13 @@ fn linearised(
     (blocks, error)
 }
 
-impl Controller for LinearMpc {
-    fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
-        self.machine.start(measurement, delay_cycles);
-        (self.reference, self.plan) = (None, CommandPlan::default());
-    }
-
-    fn update(
-        &mut self,
-        measurement: &Measurement,
-        preview: &Preview<f64>,
-        _simulated: Option<&SimulatedState>,
-    ) -> Command {
-        self.machine.observe(measurement);
-        let found = self.solve(preview);
-        if found.is_none() {
-            // the state of the reference may be non-finite
-            self.reference = None;
-        }
-        let command = self.plan.command(found);
-        self.machine.commanded(command);
-        Command::released([command])
-    }
-
-    fn status(&self) -> ControllerStatus {
-        ControllerStatus {
-            is_closed_loop: true,
-            periods_without_solution: self.plan.without_solution(),
-            ..ControllerStatus::default()
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::nonlinear_mpc_oracle::machine_at_rest;
+    use super::super::reference_ahead::ReferenceAhead;
     use super::*;
     use hydroboom_control::feedback::riccati::dot;
+    use hydroboom_control::reference::preview::Preview;
 
     /// Without an active limit the first command is the regulator's, up to the effect of move blocking.
     #[test]

@@ -17,6 +17,7 @@ mod nonlinear_mpc;
 mod nonlinear_mpc_oracle;
 mod optimal_control_problem;
 mod quadratic_program;
+mod receding_horizon;
 mod reference_ahead;
 mod retuned_benchmark;
 mod riccati;
@@ -91,8 +92,8 @@ impl Baseline {
             Self::RetunedBenchmark(gains) => Box::new(RetunedBenchmark::new(model, &gains)),
             Self::ShapedBenchmark(gains) => Box::new(RetunedBenchmark::shaped(model, &gains)?),
             Self::Lqg(weights) => Box::new(Lqg::new(model, &weights)?),
-            Self::LinearMpc => Box::new(LinearMpc::new(model)?),
-            Self::NonlinearMpc => Box::new(NonlinearMpc::new(model)?),
+            Self::LinearMpc => Box::new(LinearMpc::controller(model)?),
+            Self::NonlinearMpc => Box::new(NonlinearMpc::controller(model)?),
         })
     }
 }

@@ -10,18 +10,14 @@
 //! Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization
 //! in optimal feedback control*, 2005, doi:10.1137/S0363012902400713.
 
-use super::command_plan::CommandPlan;
 use super::condensed::condense;
 use super::estimated_machine::{EstimatedMachine, Now};
 use super::horizon::BLOCKS;
 use super::optimal_control_problem::{LIMITS, Linearised, MachineLimits, OptimalControlProblem};
 use super::quadratic_program::QuadraticProgram;
-use super::reference_ahead::{ReferenceAhead, ReferenceHorizon};
+use super::receding_horizon::{Optimiser, RecedingHorizon};
+use super::reference_ahead::ReferenceHorizon;
 use crate::LabError;
-use hydroboom_control::command::Command;
-use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
-use hydroboom_control::measurement::Measurement;
-use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 
 /// Iterations of the quadratic-program solver.
@@ -62,15 +58,13 @@ impl GaussNewton {
 
 /// Real-time iteration.
 pub(super) struct NonlinearMpc {
-    machine: EstimatedMachine,
     pub(super) limits: MachineLimits,
-    reference: Option<ReferenceAhead>,
     newton: GaussNewton,
-    plan: CommandPlan,
 }
 
 impl NonlinearMpc {
-    pub(super) fn new(model: &Description) -> Result<Self, LabError> {
+    /// Controller for a machine described by the model.
+    pub(super) fn controller(model: &Description) -> Result<RecedingHorizon<Self>, LabError> {
         let machine = EstimatedMachine::new(model)?;
         let n = &model.numbers;
         let tolerance = n.tuning.lqr_position;
@@ -82,14 +76,14 @@ impl NonlinearMpc {
             pressure: [0.0, n.relief_cracking],
             pressure_price: PRICE_OF_A_BAR * by_position * tolerance * tolerance / 1e5,
         };
-        let (newton, plan) = (GaussNewton::new([0.0; BLOCKS]), CommandPlan::default());
-        Ok(Self { machine, limits, reference: None, newton, plan })
+        let newton = GaussNewton::new([0.0; BLOCKS]);
+        Ok(RecedingHorizon::new(machine, Self { limits, newton }))
     }
 
     /// Optimal control problem of this period.
     fn problem(
+        &self,
         machine: &EstimatedMachine,
-        limits: MachineLimits,
         now: Now<'_>,
         reference: ReferenceHorizon,
     ) -> OptimalControlProblem {
@@ -101,58 +95,28 @@ impl NonlinearMpc {
             rod_side_term: now.estimated.rod_side_term,
             drive: now.estimated.drive.coefficient,
             period: law.period,
-            limits,
+            limits: self.limits,
             weights: law.weights(),
             reference,
             cost_to_go: machine.regulator().cost_to_go,
         }
     }
-
-    /// Commands of the blocks \[rev/s\]; none if a factorisation fails or a value is not finite.
-    fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
-        let Self { machine, limits, reference, newton, plan } = self;
-        let now = machine.now()?;
-        let law = &machine.law;
-        let start = || ReferenceAhead::at_rest(law, now, preview.now().position);
-        let horizon = reference.get_or_insert_with(start).horizon(law, now, preview);
-        newton.commands = plan.next().unwrap_or(horizon.motor_speeds);
-        let problem = Self::problem(machine, *limits, now, horizon);
-        newton.step(&problem, ITERATIONS)?;
-        let mut commands = newton.commands;
-        commands[0] = problem.allowed(commands[0]);
-        Some(commands)
-    }
 }
 
-impl Controller for NonlinearMpc {
-    fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
-        self.machine.start(measurement, delay_cycles);
-        (self.reference, self.plan) = (None, CommandPlan::default());
-    }
-
-    fn update(
+impl Optimiser for NonlinearMpc {
+    fn commands(
         &mut self,
-        measurement: &Measurement,
-        preview: &Preview<f64>,
-        _simulated: Option<&SimulatedState>,
-    ) -> Command {
-        self.machine.observe(measurement);
-        let found = self.solve(preview);
-        if found.is_none() {
-            // the state of the reference may be non-finite
-            self.reference = None;
-        }
-        let command = self.plan.command(found);
-        self.machine.commanded(command);
-        Command::released([command])
-    }
-
-    fn status(&self) -> ControllerStatus {
-        ControllerStatus {
-            is_closed_loop: true,
-            periods_without_solution: self.plan.without_solution(),
-            ..ControllerStatus::default()
-        }
+        machine: &EstimatedMachine,
+        now: Now<'_>,
+        reference: ReferenceHorizon,
+        next: Option<[f64; BLOCKS]>,
+    ) -> Option<[f64; BLOCKS]> {
+        self.newton.commands = next.unwrap_or(reference.motor_speeds);
+        let problem = self.problem(machine, now, reference);
+        self.newton.step(&problem, ITERATIONS)?;
+        let mut commands = self.newton.commands;
+        commands[0] = problem.allowed(commands[0]);
+        Some(commands)
     }
 }
 
@@ -160,7 +124,9 @@ impl Controller for NonlinearMpc {
 mod tests {
     use super::super::linear_mpc::LinearMpc;
     use super::*;
-    use hydroboom_control::measurement::AxisSignals;
+    use hydroboom_control::controller::Controller;
+    use hydroboom_control::measurement::{AxisSignals, Measurement};
+    use hydroboom_control::reference::preview::Preview;
     use hydroboom_control::reference::profile::SetPoint;
 
     /// A NaN reference leaves the program without a solution: the last plan continues, and the status
@@ -169,11 +135,11 @@ mod tests {
     fn a_period_without_a_solution_holds_the_last_plan_and_is_counted() {
         let model = Description::uia_single_boom().unwrap();
         let period = model.numbers.control_period;
-        let nonlinear = NonlinearMpc::new(&model).unwrap();
+        let nonlinear = NonlinearMpc::controller(&model).unwrap();
         let payload = model.numbers.payload;
         let pressure_a = nonlinear.machine.law.model.at(0.25, payload).holding_pressure;
         let both: [Box<dyn Controller>; 2] =
-            [Box::new(nonlinear), Box::new(LinearMpc::new(&model).unwrap())];
+            [Box::new(nonlinear), Box::new(LinearMpc::controller(&model).unwrap())];
         for mut controller in both {
             let signals = AxisSignals { stroke: 0.25, pressure_a, ..AxisSignals::default() };
             let measured =

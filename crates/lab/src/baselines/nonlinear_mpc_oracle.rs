@@ -331,7 +331,8 @@ fn a_lower_limit_of_the_pressure_is_kept_within_the_limits_of_the_motor() {
 fn penalised_pressure_limits_equal_hard_ones_where_feasible() {
     let description = Description::uia_single_boom().unwrap();
     let machine = machine_at_rest(&description);
-    let price = NonlinearMpc::new(&description).unwrap().limits.pressure_price;
+    let controller = NonlinearMpc::controller(&description).unwrap();
+    let price = controller.optimiser.limits.pressure_price;
     for behind in [1e-3, 3e-3, 10e-3] {
         let mut problem = problem_along(&machine, 0.05, 0.05);
         problem.begin.position -= behind;

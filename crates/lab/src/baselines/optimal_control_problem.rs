@@ -139,74 +139,11 @@ impl OptimalControlProblem {
     /// Linearisation along the trajectory of the commands \[rev/s\].
     pub(super) fn linearised(&self, commands: &[f64; BLOCKS]) -> Linearised {
         let model = self.lasting().map(Slopes::constant);
-        let MachineLimits { motor_speed: limit, slew, pressure, pressure_price } = self.limits;
-        let [by_position, by_velocity, by_speed] = self.weights;
         let mut now = Motion { machine: self.begin, motor_speed: self.motor_speed };
         let blocks = std::array::from_fn(|k| {
-            let (command, periods) = (commands[k], PERIODS[k]);
-            let MachineState { position, velocity, load_pressure, friction, .. } = now.machine;
-            let begin = Motion {
-                machine: MachineState {
-                    position: Slopes::variable(position, 0),
-                    velocity: Slopes::variable(velocity, 1),
-                    load_pressure: Slopes::variable(load_pressure, 2),
-                    friction: Slopes::variable(friction, FRICTION),
-                    ..now.machine.map(Slopes::constant)
-                },
-                motor_speed: Slopes::variable(now.motor_speed, 4),
-            };
-            let command_slopes = Slopes::variable(command, STATES);
-            let end = self.block(&model, begin, command_slopes, periods);
-            let MachineState { position, velocity, load_pressure, friction, .. } = end.machine;
-            let all = [position, velocity, load_pressure, friction, end.motor_speed];
-            let off_speed = now.motor_speed;
-            now = Motion {
-                machine: end.machine.map(|v: Slopes| v.value),
-                motor_speed: end.motor_speed.value,
-            };
-            let linear = |of: Slopes, from: f64, times: f64| Linear {
-                state: SVector::from_fn(|i, _| of.slope[i] * times),
-                command: of.slope[STATES] * times,
-                value: (of.value - from) * times,
-            };
-            let reference = &self.reference.points[k + 1];
-            let root = |weight: f64, periods: f64| (weight * periods).sqrt();
-            let command_root = root(by_speed, periods as f64);
-            let mut by_motor = SVector::zeros();
-            by_motor[4] = -self.drive;
-            Block {
-                transition: SMatrix::from_fn(|i, j| all[i].slope[j]),
-                input: SVector::from_fn(|i, _| all[i].slope[STATES]),
-                residuals: [
-                    linear(
-                        model.piston(&end.machine),
-                        reference.piston,
-                        root(by_position, WEIGHTS[k]),
-                    ),
-                    linear(velocity, reference.state.velocity, root(by_velocity, WEIGHTS[k])),
-                ],
-                command_residual: [
-                    command_root,
-                    command_root * (command - self.reference.motor_speeds[k]),
-                ],
-                command_range: [-limit - command, limit - command],
-                limits: [
-                    Limit {
-                        of: Linear {
-                            state: by_motor,
-                            command: self.drive,
-                            value: self.drive * (command - off_speed),
-                        },
-                        range: [-slew, slew],
-                        price: f64::INFINITY,
-                    },
-                    Limit {
-                        of: linear(load_pressure, -self.rod_side_term, 1.0),
-                        range: pressure,
-                        price: pressure_price,
-                    },
-                ],
-            }
+            let (block, next) = self.linearised_block(&model, now, commands[k], k);
+            now = next;
+            block
         });
         let end = &self.reference.points[BLOCKS].state;
         let MachineState { position, velocity, load_pressure, .. } = now.machine;
@@ -225,5 +162,86 @@ impl OptimalControlProblem {
             }
         }
         Linearised { blocks, cost_to_go, end: end.into() }
+    }
+
+    /// Block k from a motion on, linearised about a command \[rev/s\], and the motion at its end.
+    fn linearised_block(
+        &self,
+        model: &ReducedModel<Slopes>,
+        now: Motion<f64>,
+        command: f64,
+        k: usize,
+    ) -> (Block<STATES, LIMITS>, Motion<f64>) {
+        let end =
+            self.block(model, as_variables(now), Slopes::variable(command, STATES), PERIODS[k]);
+        let MachineState { position, velocity, load_pressure, friction, .. } = end.machine;
+        let all = [position, velocity, load_pressure, friction, end.motor_speed];
+        let next = Motion {
+            machine: end.machine.map(|v: Slopes| v.value),
+            motor_speed: end.motor_speed.value,
+        };
+        let linear = |of: Slopes, from: f64, times: f64| Linear {
+            state: SVector::from_fn(|i, _| of.slope[i] * times),
+            command: of.slope[STATES] * times,
+            value: (of.value - from) * times,
+        };
+        let [by_position, by_velocity, by_speed] = self.weights;
+        let reference = &self.reference.points[k + 1];
+        let root = |weight: f64, periods: f64| (weight * periods).sqrt();
+        let command_root = root(by_speed, PERIODS[k] as f64);
+        let pressure = linear(load_pressure, -self.rod_side_term, 1.0);
+        let limit = self.limits.motor_speed;
+        let block = Block {
+            transition: SMatrix::from_fn(|i, j| all[i].slope[j]),
+            input: SVector::from_fn(|i, _| all[i].slope[STATES]),
+            residuals: [
+                linear(model.piston(&end.machine), reference.piston, root(by_position, WEIGHTS[k])),
+                linear(velocity, reference.state.velocity, root(by_velocity, WEIGHTS[k])),
+            ],
+            command_residual: [
+                command_root,
+                command_root * (command - self.reference.motor_speeds[k]),
+            ],
+            command_range: [-limit - command, limit - command],
+            limits: self.linearised_limits(command, now.motor_speed, pressure),
+        };
+        (block, next)
+    }
+
+    /// Limits of the slew rate, with a command from a motor speed \[rev/s\] on, and of the linearised pressure at the
+    /// end of a block.
+    fn linearised_limits(
+        &self,
+        command: f64,
+        motor_speed: f64,
+        pressure: Linear<STATES>,
+    ) -> [Limit<STATES>; LIMITS] {
+        let MachineLimits { slew, pressure: range, pressure_price, .. } = self.limits;
+        let mut by_motor = SVector::zeros();
+        by_motor[4] = -self.drive;
+        let speed_change = Linear {
+            state: by_motor,
+            command: self.drive,
+            value: self.drive * (command - motor_speed),
+        };
+        [
+            Limit { of: speed_change, range: [-slew, slew], price: f64::INFINITY },
+            Limit { of: pressure, range, price: pressure_price },
+        ]
+    }
+}
+
+/// A motion as variables, with derivatives with respect to its five states.
+fn as_variables(now: Motion<f64>) -> Motion<Slopes> {
+    let MachineState { position, velocity, load_pressure, friction, .. } = now.machine;
+    Motion {
+        machine: MachineState {
+            position: Slopes::variable(position, 0),
+            velocity: Slopes::variable(velocity, 1),
+            load_pressure: Slopes::variable(load_pressure, 2),
+            friction: Slopes::variable(friction, FRICTION),
+            ..now.machine.map(Slopes::constant)
+        },
+        motor_speed: Slopes::variable(now.motor_speed, 4),
     }
 }

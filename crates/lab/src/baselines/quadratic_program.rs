@@ -17,7 +17,7 @@
 //! E. C. Kerrigan, J. M. Maciejowski, *Soft constraints and exact penalty functions in model predictive
 //! control*, 2000.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Cholesky, Const, SMatrix, SVector};
 
 /// Step length as a share of the largest step that keeps slacks and multipliers positive.
 const STEP: f64 = 0.995;
@@ -89,6 +89,21 @@ impl Side {
         }
     }
 
+    /// Complementarity of the predictor, which makes the products zero.
+    fn predictor(&self, _centre: f64) -> [f64; 2] {
+        [self.slack * self.multiplier, self.excess * self.excess_multiplier()]
+    }
+
+    /// Complementarity of the corrector, which makes the products equal to `centre`, with the predictor's second-order
+    /// term.
+    fn corrector(&self, centre: f64) -> [f64; 2] {
+        let [slack, multiplier, excess] = self.step;
+        [
+            self.slack * self.multiplier + slack * multiplier - centre,
+            self.excess * self.excess_multiplier() - excess * multiplier - centre,
+        ]
+    }
+
     /// Right-hand side of this side in the reduced equations, for the given complementarity targets.
     fn wanted(&self, [limit, excess]: [f64; 2]) -> f64 {
         let soft = if self.is_soft() { excess / self.excess_multiplier() } else { 0.0 };
@@ -152,68 +167,12 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
             if complementarity < SOLVED {
                 break;
             }
-            let reached = self.rows.tr_mul(&x);
-            let mut matrix = hessian;
-            for k in 0..N + M {
-                let reached = Self::number(&x, &reached, k);
-                let mut weight = 0.0;
-                for (sign, sides) in signed(&mut self.sides) {
-                    let side = &mut sides[k];
-                    if side.is_limit() {
-                        side.residual = sign * reached - side.excess + side.slack - side.limit;
-                        let soft = if side.is_soft() {
-                            side.excess / side.excess_multiplier()
-                        } else {
-                            0.0
-                        };
-                        side.weight = 1.0 / (side.slack / side.multiplier + soft);
-                        weight += side.weight;
-                    }
-                }
-                self.add_square(&mut matrix, k, weight);
-            }
-            let factored = matrix.cholesky()?;
+            let factored = self.normal_matrix(&hessian, &x).cholesky()?;
             let gradient = hessian * x + slope + self.gradient(|side| side.multiplier);
-            let step = |program: &mut Self,
-                        complementarity: fn(&Side, f64) -> [f64; 2],
-                        centre: f64| {
-                let pushed = program
-                    .gradient(|side| side.weight * side.wanted(complementarity(side, centre)));
-                let change = factored.solve(&-(gradient + pushed));
-                let reached = program.rows.tr_mul(&change);
-                for (sign, sides) in signed(&mut program.sides) {
-                    for (k, side) in
-                        sides.iter_mut().enumerate().filter(|(_, side)| side.is_limit())
-                    {
-                        let complementarity = complementarity(side, centre);
-                        side.stepped(sign * Self::number(&change, &reached, k), complementarity);
-                    }
-                }
-                let share = |sides: &Vec<Side>| {
-                    sides
-                        .iter()
-                        .filter(|side| side.is_limit())
-                        .map(Side::largest_share)
-                        .fold(f64::INFINITY, f64::min)
-                };
-                let [below, above] = program.sides.each_ref().map(share);
-                (change, below.min(above))
-            };
-            // predictor: zero complementarity; corrector: equal complementarity, with the predictor's
-            // second-order term
-            let plain = |side: &Side, _: f64| {
-                [side.slack * side.multiplier, side.excess * side.excess_multiplier()]
-            };
-            let (_, share) = step(self, plain, 0.0);
+            let (_, share) = self.newton_step(&factored, &gradient, Side::predictor, 0.0);
             let left = self.complementarity(share.min(1.0)) / complementarity;
-            let centred = |side: &Side, centre: f64| {
-                let [slack, multiplier, excess] = side.step;
-                [
-                    side.slack * side.multiplier + slack * multiplier - centre,
-                    side.excess * side.excess_multiplier() - excess * multiplier - centre,
-                ]
-            };
-            let (change, share) = step(self, centred, left * left * left * complementarity);
+            let centre = left * left * left * complementarity;
+            let (change, share) = self.newton_step(&factored, &gradient, Side::corrector, centre);
             let share = (STEP * share).min(1.0);
             x += change * share;
             for side in self.sides.iter_mut().flatten().filter(|side| side.is_limit()) {
@@ -226,6 +185,61 @@ impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
         let [low, high] = &self.bounds;
         let kept = SVector::<f64, N>::from_fn(|k, _| x[k].max(low[k]).min(high[k]));
         kept.iter().all(|value| value.is_finite()).then_some(kept)
+    }
+
+    /// Matrix of the reduced (normal) equations at x; sets residual and weight of each side.
+    fn normal_matrix(
+        &mut self,
+        hessian: &SMatrix<f64, N, N>,
+        x: &SVector<f64, N>,
+    ) -> SMatrix<f64, N, N> {
+        let reached = self.rows.tr_mul(x);
+        let mut matrix = *hessian;
+        for k in 0..N + M {
+            let reached = Self::number(x, &reached, k);
+            let mut weight = 0.0;
+            for (sign, sides) in signed(&mut self.sides) {
+                let side = &mut sides[k];
+                if side.is_limit() {
+                    side.residual = sign * reached - side.excess + side.slack - side.limit;
+                    let soft =
+                        if side.is_soft() { side.excess / side.excess_multiplier() } else { 0.0 };
+                    side.weight = 1.0 / (side.slack / side.multiplier + soft);
+                    weight += side.weight;
+                }
+            }
+            self.add_square(&mut matrix, k, weight);
+        }
+        matrix
+    }
+
+    /// Newton step of x towards the complementarity of each side, and the largest share of it that keeps slacks and
+    /// multipliers positive; sets the steps of the sides.
+    fn newton_step(
+        &mut self,
+        factored: &Cholesky<f64, Const<N>>,
+        gradient: &SVector<f64, N>,
+        complementarity: fn(&Side, f64) -> [f64; 2],
+        centre: f64,
+    ) -> (SVector<f64, N>, f64) {
+        let pushed = self.gradient(|side| side.weight * side.wanted(complementarity(side, centre)));
+        let change = factored.solve(&-(*gradient + pushed));
+        let reached = self.rows.tr_mul(&change);
+        for (sign, sides) in signed(&mut self.sides) {
+            for (k, side) in sides.iter_mut().enumerate().filter(|(_, side)| side.is_limit()) {
+                let complementarity = complementarity(side, centre);
+                side.stepped(sign * Self::number(&change, &reached, k), complementarity);
+            }
+        }
+        let share = |sides: &Vec<Side>| {
+            sides
+                .iter()
+                .filter(|side| side.is_limit())
+                .map(Side::largest_share)
+                .fold(f64::INFINITY, f64::min)
+        };
+        let [below, above] = self.sides.each_ref().map(share);
+        (change, below.min(above))
     }
 
     /// Initial slacks and multipliers at x = 0, for a program scaled by `scale` and multipliers of

@@ -121,7 +121,7 @@ pub fn consistency(
         .collect();
     let share = |done: usize| go_on(done as f64 / jobs.len() as f64);
     let one = |(group, course): &(&[Member], &CourseChoice)| {
-        together(model, &estimator, controller, group, course)
+        simulate_group(model, &estimator, controller, group, course)
     };
     let done = as_long_as(&jobs, &share, one)
         .into_iter()
@@ -161,7 +161,7 @@ pub fn consistency(
 }
 
 /// One course on up to [`WIDTH`] cranes. Returns the statistics of each, or the reason of its failure.
-fn together(
+fn simulate_group(
     model: &Description,
     estimator: &ScheduledLqrController,
     controller: ControllerChoice,

@@ -9,6 +9,7 @@ pub mod estimator_consistency;
 pub mod family_margins;
 pub mod metrics;
 pub mod monte_carlo;
+mod motor_ripple;
 pub mod period_time;
 pub mod robustness;
 pub mod sample;

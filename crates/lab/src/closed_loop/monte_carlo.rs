@@ -61,7 +61,7 @@ pub fn family(
         .collect();
     let share = |done: usize| go_on(done as f64 / jobs.len() as f64);
     let one = |(group, controller, course): &(&[Member], ControllerChoice, &CourseChoice)| {
-        together(model, group, *controller, course)
+        simulate_group(model, group, *controller, course)
     };
     let outcomes = as_long_as(&jobs, &share, one)
         .into_iter()
@@ -83,7 +83,7 @@ pub fn family(
 }
 
 /// One controller along one course on up to [`WIDTH`] cranes.
-fn together(
+fn simulate_group(
     model: &Description,
     group: &[Member],
     controller: ControllerChoice,

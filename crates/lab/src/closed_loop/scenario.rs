@@ -196,103 +196,159 @@ impl CourseChoice {
 
 /// All test scenarios, adapted to the stroke, the speeds and the payload of a crane.
 pub fn scenarios(crane: &Description) -> Vec<Scenario> {
-    let n = &crane.numbers;
-    let motion = crane.motion(n.fast);
-    let (start, end, profile) = (n.motion_start, n.motion_end, motion.profile);
-    let (fast, slow, ramp) = (n.fast, n.slow, n.ramp);
-    let at = |share: f64| start + share * (end - start);
+    let p = MotionParameters::of(crane);
+    vec![
+        p.payload_change(),
+        p.start_stop(),
+        p.small_moves(),
+        p.reversal(),
+        p.saturation(),
+        p.load_in_motion(),
+        p.shift(),
+    ]
+}
 
-    let pick_and_place = Scenario::new(
-        "payload-change",
-        "lifts a load, sets it down, comes back with half of it and without",
-        start,
-    )
-    .rest(2.0)
-    .go(end, fast, ramp, profile)
-    .rest(2.0)
-    .load(0.5 * n.payload)
-    .rest(3.0)
-    .go(start, fast, ramp, profile)
-    .rest(2.0)
-    .load(0.0)
-    .rest(3.0)
-    .go(at(0.5), fast, ramp, profile)
-    .rest(2.0)
-    .load(n.payload)
-    .rest(4.0);
+/// Positions \[m\], speeds \[m/s\], ramp \[s\] and payload \[kg\] of a crane for its scenarios.
+struct MotionParameters {
+    start: f64,
+    end: f64,
+    fast: f64,
+    slow: f64,
+    /// Piston speed at the largest motor speed.
+    fastest: f64,
+    ramp: f64,
+    profile: RampShape,
+    payload: f64,
+}
 
-    let mut start_stop =
-        Scenario::new("start-stop", "starts and stops ten times on the way up and down", start)
-            .rest(2.0);
-    for k in (1..=10).chain((0..10).rev()) {
-        start_stop = start_stop.go(at(f64::from(k) / 10.0), fast, 0.3 * ramp, profile).rest(0.5);
-    }
-    let start_stop = start_stop.rest(2.0);
-
-    let mut small =
-        Scenario::new("small-moves", "positions to and fro by 1, 2, 5 and 10 mm", at(0.5))
-            .rest(2.0);
-    for millimetres in [1.0, 2.0, 5.0, 10.0] {
-        small = small
-            .go(at(0.5) + millimetres * 1e-3, slow, 0.3 * ramp, profile)
-            .rest(2.0)
-            .go(at(0.5), slow, 0.3 * ramp, profile)
-            .rest(2.0);
-    }
-
-    let mut reversal =
-        Scenario::new("reversal", "reverses under load without a pause", at(0.3)).rest(2.0);
-    for _ in 0..5 {
-        reversal =
-            reversal.go(at(0.7), fast, 0.5 * ramp, profile).go(at(0.3), fast, 0.5 * ramp, profile);
-    }
-    let reversal = reversal.rest(3.0);
-
-    // a third faster than the largest motor speed allows
-    let piston_area = crane.cylinder().piston_area;
-    let fastest = n.motor_speed * n.displacement / piston_area;
-    let saturation = Scenario::new("saturation", "asks for a third more than the motor can", start)
-        .rest(2.0)
-        .go(end, 4.0 / 3.0 * fastest, ramp, profile)
-        .rest(3.0)
-        .go(start, 4.0 / 3.0 * fastest, ramp, profile)
-        .rest(4.0);
-
-    let on_the_way = Scenario::new(
-        "load-in-motion",
-        "picks a load up while it lifts, and loses half of it while it lowers",
-        start,
-    )
-    .rest(1.0)
-    .load(0.7 * n.payload)
-    .rest(4.0)
-    .go(end, fast, ramp, profile)
-    .load_on_the_way(n.payload)
-    .rest(4.0)
-    .go(start, fast, ramp, profile)
-    .load_on_the_way(0.5 * n.payload)
-    .rest(4.0);
-
-    let mut shift = Scenario::new(
-        "shift",
-        "eight hours of work: twelve cycles, then a break as long, again and again, oil warming",
-        start,
-    )
-    .rest(2.0);
-    while shift.duration < 8.0 * 3600.0 {
-        let begun = shift.duration;
-        for _ in 0..12 {
-            shift = shift
-                .go(end, fast, ramp, profile)
-                .rest(3.0)
-                .go(start, fast, ramp, profile)
-                .rest(3.0);
+impl MotionParameters {
+    fn of(crane: &Description) -> Self {
+        let n = &crane.numbers;
+        Self {
+            start: n.motion_start,
+            end: n.motion_end,
+            fast: n.fast,
+            slow: n.slow,
+            fastest: n.motor_speed * n.displacement / crane.cylinder().piston_area,
+            ramp: n.ramp,
+            profile: crane.motion(n.fast).profile,
+            payload: n.payload,
         }
-        let worked = shift.duration - begun;
-        shift = shift.rest(worked);
     }
 
-    vec![pick_and_place, start_stop, small, reversal, saturation, on_the_way, shift]
+    /// Position at a share of the way.
+    fn at(&self, share: f64) -> f64 {
+        self.start + share * (self.end - self.start)
+    }
+
+    fn payload_change(&self) -> Scenario {
+        let Self { start, end, fast, ramp, profile, payload, .. } = *self;
+        Scenario::new(
+            "payload-change",
+            "lifts a load, sets it down, comes back with half of it and without",
+            start,
+        )
+        .rest(2.0)
+        .go(end, fast, ramp, profile)
+        .rest(2.0)
+        .load(0.5 * payload)
+        .rest(3.0)
+        .go(start, fast, ramp, profile)
+        .rest(2.0)
+        .load(0.0)
+        .rest(3.0)
+        .go(self.at(0.5), fast, ramp, profile)
+        .rest(2.0)
+        .load(payload)
+        .rest(4.0)
+    }
+
+    fn start_stop(&self) -> Scenario {
+        let Self { start, fast, ramp, profile, .. } = *self;
+        let meaning = "starts and stops ten times on the way up and down";
+        let mut all = Scenario::new("start-stop", meaning, start).rest(2.0);
+        for k in (1..=10).chain((0..10).rev()) {
+            all = all.go(self.at(f64::from(k) / 10.0), fast, 0.3 * ramp, profile).rest(0.5);
+        }
+        all.rest(2.0)
+    }
+
+    fn small_moves(&self) -> Scenario {
+        let Self { slow, ramp, profile, .. } = *self;
+        let (middle, meaning) = (self.at(0.5), "positions to and fro by 1, 2, 5 and 10 mm");
+        let mut all = Scenario::new("small-moves", meaning, middle).rest(2.0);
+        for millimetres in [1.0, 2.0, 5.0, 10.0] {
+            all = all
+                .go(middle + millimetres * 1e-3, slow, 0.3 * ramp, profile)
+                .rest(2.0)
+                .go(middle, slow, 0.3 * ramp, profile)
+                .rest(2.0);
+        }
+        all
+    }
+
+    fn reversal(&self) -> Scenario {
+        let Self { fast, ramp, profile, .. } = *self;
+        let (low, high) = (self.at(0.3), self.at(0.7));
+        let mut all =
+            Scenario::new("reversal", "reverses under load without a pause", low).rest(2.0);
+        for _ in 0..5 {
+            all = all.go(high, fast, 0.5 * ramp, profile).go(low, fast, 0.5 * ramp, profile);
+        }
+        all.rest(3.0)
+    }
+
+    /// A third faster than the largest motor speed allows.
+    fn saturation(&self) -> Scenario {
+        let Self { start, end, fastest, ramp, profile, .. } = *self;
+        Scenario::new("saturation", "asks for a third more than the motor can", start)
+            .rest(2.0)
+            .go(end, 4.0 / 3.0 * fastest, ramp, profile)
+            .rest(3.0)
+            .go(start, 4.0 / 3.0 * fastest, ramp, profile)
+            .rest(4.0)
+    }
+
+    fn load_in_motion(&self) -> Scenario {
+        let Self { start, end, fast, ramp, profile, payload, .. } = *self;
+        Scenario::new(
+            "load-in-motion",
+            "picks a load up while it lifts, and loses half of it while it lowers",
+            start,
+        )
+        .rest(1.0)
+        .load(0.7 * payload)
+        .rest(4.0)
+        .go(end, fast, ramp, profile)
+        .load_on_the_way(payload)
+        .rest(4.0)
+        .go(start, fast, ramp, profile)
+        .load_on_the_way(0.5 * payload)
+        .rest(4.0)
+    }
+
+    fn shift(&self) -> Scenario {
+        let Self { start, end, fast, ramp, profile, .. } = *self;
+        let mut shift = Scenario::new(
+            "shift",
+            "eight hours of work: twelve cycles, then a break as long, again and again, oil warming",
+            start,
+        )
+        .rest(2.0);
+        while shift.duration < 8.0 * 3600.0 {
+            let begun = shift.duration;
+            for _ in 0..12 {
+                shift = shift
+                    .go(end, fast, ramp, profile)
+                    .rest(3.0)
+                    .go(start, fast, ramp, profile)
+                    .rest(3.0);
+            }
+            let worked = shift.duration - begun;
+            shift = shift.rest(worked);
+        }
+        shift
+    }
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use hydroboom_control::reference::preview::Preview;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::known_delay;
-use hydroboom_virtual_crane::{Fleet, VirtualCrane};
+use hydroboom_virtual_crane::{Fleet, Truth, VirtualCrane};
 
 /// Number of cranes that are simulated together in vector instructions.
 pub const WIDTH: usize = 4;
@@ -97,6 +97,27 @@ impl<C: Controller + ?Sized> Loop<C> {
         }
         Ok(command)
     }
+
+    /// The control period after its command was computed; `truth` is the machine's state.
+    fn sample(
+        &self,
+        now: Now<'_>,
+        measurement: &Measurement,
+        truth: Truth,
+        load_changed: bool,
+        command: AxisCommand<f64>,
+    ) -> Sample {
+        let time = now.time();
+        Sample {
+            time,
+            reference: now.course.reference(time),
+            signals: measurement.axes[0].signals,
+            load_changed,
+            truth,
+            command,
+            periods_without_solution: self.controller.status().periods_without_solution,
+        }
+    }
 }
 
 /// Loop with the selected controller, which takes the fieldbus delay from its own crane file.
@@ -152,24 +173,14 @@ pub fn simulate_controller(
 
     for number in 0..=periods {
         let now = Now { course, period, number };
-        let time = now.time();
-        let load = due(&mut loads, time);
+        let load = due(&mut loads, now.time());
         if let Some(mass) = load {
             crane.set_payload(mass)?;
         }
         let measurement = crane.measurement();
         let [command] = controlled.command(now, &measurement)?.axes;
-        let (reference, truth) = (course.reference(time), crane.truth());
-        let (signals, load_changed) = (measurement.axes[0].signals, load.is_some());
-        observe(&Sample {
-            time,
-            reference,
-            signals,
-            load_changed,
-            truth,
-            command,
-            periods_without_solution: controlled.controller.status().periods_without_solution,
-        })?;
+        let load_changed = load.is_some();
+        observe(&controlled.sample(now, &measurement, crane.truth(), load_changed, command))?;
         if number < periods {
             crane.advance(&command).map_err(LabError::during(&during))?;
         }
@@ -262,9 +273,9 @@ fn side_by_side(
     let mut ends: [Result<(), LabError>; WIDTH] = std::array::from_fn(|_| Ok(()));
 
     for k in 0..=last {
-        let time = k as f64 * period;
         let commands = std::array::from_fn(|lane| {
-            let load = due(&mut loads[lane], time);
+            let now = Now { course: cases[lane].course, period, number: k };
+            let load = due(&mut loads[lane], now.time());
             if let Some(mass) = load
                 && let Err(error) = fleet.set_payload(lane, mass)
                 && ends[lane].is_ok()
@@ -273,37 +284,20 @@ fn side_by_side(
             }
             let measurement = fleet.measurement(lane);
             let still = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
-            let course = cases[lane].course;
             let goes_on = ends[lane].is_ok() && k <= periods[lane];
             let command = match goes_on {
-                true => {
-                    let now = Now { course, period, number: k };
-                    match loops[lane].command(now, &measurement) {
-                        Ok(Command { axes: [command] }) => command,
-                        Err(error) => {
-                            ends[lane] = Err(error);
-                            still
-                        }
+                true => match loops[lane].command(now, &measurement) {
+                    Ok(Command { axes: [command] }) => command,
+                    Err(error) => {
+                        ends[lane] = Err(error);
+                        still
                     }
-                }
+                },
                 false => still,
             };
             if goes_on && ends[lane].is_ok() {
-                let (reference, truth) = (course.reference(time), fleet.truth(lane));
-                let (signals, load_changed) = (measurement.axes[0].signals, load.is_some());
-                let status = loops[lane].controller.status();
-                observe(
-                    lane,
-                    &Sample {
-                        time,
-                        reference,
-                        signals,
-                        load_changed,
-                        truth,
-                        command,
-                        periods_without_solution: status.periods_without_solution,
-                    },
-                );
+                let (truth, load_changed) = (fleet.truth(lane), load.is_some());
+                observe(lane, &loops[lane].sample(now, &measurement, truth, load_changed, command));
             }
             command
         });

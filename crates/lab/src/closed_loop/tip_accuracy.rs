@@ -6,39 +6,32 @@
 //! measurement. Errors are those of the tip's height over the whole course: mean error (bias) and RMS about
 //! it.
 
+mod height_map;
+mod observer;
+mod rest_table;
+mod survey_noise;
+
+pub use survey_noise::NoiseFloor;
+
+use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::monte_carlo::{Member, Percentiles, member, widened};
-use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::closed_loop::simulation::{Case, WIDTH, simulate_cases};
 use crate::interruptible::as_long_as;
-use crate::virtual_survey::{SurveyOrder, virtual_survey};
-use crate::{LabError, plant};
-use hydroboom_control::estimation::tip::{
-    PARAMETERS, TipEstimator, TipLoad, TipMemory, TipParameters,
-};
+use crate::virtual_survey::SurveyOrder;
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
-use hydroboom_control::measurement::Measurement;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
-use hydroboom_design::tip::tip_estimator;
-use hydroboom_design::tip_survey::{SurveyError, SurveyFit, TipSurvey};
-use hydroboom_math::Real;
-use hydroboom_model::Scheme;
-use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
+use observer::{Errors, Observer, Run, TipEstimators};
 use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
+use rest_table::RestTable;
 use serde::Serialize;
-use std::collections::VecDeque;
 use std::ops::Range;
 
 /// Interval between two evaluations of the errors \[s\].
 const INSTANT: f64 = 0.01;
-/// Simulated surveys per crane, for the effect of the survey's noise.
-const DRAWS: usize = 200;
-/// Number of piston positions in the table of the published model.
-const TABLE: usize = 17;
 
 /// Method that computes the position of the boom's tip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,36 +65,6 @@ impl Method {
     }
 }
 
-/// Errors of one method on one crane \[mm\].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Errors {
-    count: f64,
-    sum: f64,
-    squares: f64,
-    /// Number of instants within two standard deviations, and sum of the standard deviations.
-    within: f64,
-    deviations: f64,
-}
-
-impl Errors {
-    fn add(&mut self, error: f64, deviation: f64) {
-        self.count += 1.0;
-        self.sum += error;
-        self.squares += error * error;
-        self.within += f64::from(u8::from(error.abs() <= 2.0 * deviation));
-        self.deviations += deviation;
-    }
-    fn bias(&self) -> f64 {
-        self.sum / self.count
-    }
-    fn rms(&self) -> f64 {
-        (self.squares / self.count).sqrt()
-    }
-    fn rms_about(&self) -> f64 {
-        (self.squares / self.count - self.bias().powi(2)).max(0.0).sqrt()
-    }
-}
-
 /// Errors of the tip's height with one method over the family.
 #[derive(Clone, Debug, Serialize)]
 pub struct MethodRow {
@@ -118,15 +81,6 @@ pub struct MethodRow {
     /// Share of instants \[%\] with an error within two standard deviations, over all cranes; none if the method
     /// states none.
     pub coverage_percent: Option<f64>,
-}
-
-/// Errors of the surveyed estimator that the noise of the survey alone causes.
-#[derive(Clone, Debug, Serialize)]
-pub struct NoiseFloor {
-    /// Magnitude of the mean error \[mm\].
-    pub bias_mm: Percentiles,
-    /// RMS error about the mean \[mm\].
-    pub rms_about_mm: Percentiles,
 }
 
 /// Heights of the tip at one instant of a course, for a figure.
@@ -175,240 +129,6 @@ pub struct TipFamily {
     pub survey_deviation: f64,
 }
 
-/// Baseline: loss of height, c_0 + c_1 x + (c_2 + c_3 x) m, by least squares.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct HeightMap(Vector4<f64>);
-
-impl HeightMap {
-    fn features(load: &TipLoad<f64>) -> Vector4<f64> {
-        // scaled to similar magnitudes
-        let (x, m) = (load.piston * 2.0, load.payload * 3e-3);
-        Vector4::new(1.0, x, m, x * m)
-    }
-
-    fn fit(survey: &TipSurvey, rigid: &dyn Fn(f64) -> f64) -> Option<Self> {
-        let (mut left, mut right) = (Matrix4::zeros(), Vector4::zeros());
-        for p in &survey.points {
-            let load = TipLoad { piston: p.stroke, payload: p.payload, acceleration: 0.0 };
-            let row = Self::features(&load);
-            let weight = p.deviation.powi(-2);
-            left += row * row.transpose() * weight;
-            right += row * (weight * (p.tip[1] - rigid(p.stroke)));
-        }
-        left.try_inverse().map(|inverse| Self(inverse * right))
-    }
-
-    fn at(&self, load: &TipLoad<f64>) -> f64 {
-        self.0.dot(&Self::features(load))
-    }
-}
-
-/// Height of the model's tip at rest over stroke and payload: linear in the payload, interpolated over the
-/// stroke.
-struct RestTable {
-    stroke: f64,
-    empty: Vec<f64>,
-    per_kg: Vec<f64>,
-}
-
-impl RestTable {
-    fn new(model: &Description) -> Result<Self, LabError> {
-        let n = &model.numbers;
-        let heavy = n.payload.max(1.0);
-        let (mut empty, mut per_kg) = (Vec::new(), Vec::new());
-        for k in 0..TABLE {
-            let stroke = n.stroke * k as f64 / (TABLE - 1) as f64;
-            let height = |payload: f64| {
-                let mut loaded = model.clone();
-                loaded.numbers.payload = payload;
-                plant(&loaded, &loaded.start(stroke), Scheme::Implicit, 1e-3)
-                    .map(|crane| crane.outputs().tip_y)
-            };
-            let without = height(0.0)?;
-            empty.push(without);
-            per_kg.push((height(heavy)? - without) / heavy);
-        }
-        Ok(Self { stroke: n.stroke, empty, per_kg })
-    }
-
-    fn at(&self, load: &TipLoad<f64>) -> f64 {
-        let place = load.piston / self.stroke * (TABLE - 1) as f64;
-        f64::interpolate(&self.empty, place) + load.payload * f64::interpolate(&self.per_kg, place)
-    }
-}
-
-/// Estimators of the tip of one crane.
-struct Known {
-    unsurveyed: TipEstimator<f64>,
-    surveyed: TipEstimator<f64>,
-    map: HeightMap,
-    /// Covariance of the fitted parameters due to the survey's noise alone.
-    noise: Matrix3<f64>,
-}
-
-fn rigid_height(estimator: &TipEstimator<f64>, stroke: f64) -> f64 {
-    let stiff = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
-    let load = TipLoad { piston: stroke, payload: 0.0, acceleration: 0.0 };
-    estimator.model.position(&stiff, &load)[1]
-}
-
-impl Known {
-    fn new(
-        model: &Description,
-        crane: &Description,
-        order: &SurveyOrder,
-    ) -> Result<Self, LabError> {
-        let unsurveyed =
-            tip_estimator(model).ok_or_else(|| SurveyError::NoTip(model.name.clone()))?;
-        let survey = virtual_survey(crane, order)?;
-        let fit = survey.fit(model)?;
-        let map = HeightMap::fit(&survey, &|stroke| rigid_height(&unsurveyed, stroke))
-            .ok_or_else(|| SurveyError::NoFit(survey.file.clone()))?;
-        let noise = Matrix3::from_fn(|i, j| fit.noise[i][j]);
-        Ok(Self { unsurveyed, surveyed: fit.estimator, map, noise })
-    }
-}
-
-/// Results of a crane's course.
-#[derive(Clone, Default)]
-struct Run {
-    errors: [Errors; Method::ALL.len()],
-    slopes: SlopeMoments,
-    course: Vec<TipInstant>,
-}
-
-/// Sums of the derivatives of the height with respect to the fitted parameters along a course, and of their
-/// products.
-#[derive(Clone, Copy, Debug, Default)]
-struct SlopeMoments {
-    count: f64,
-    sum: Vector3<f64>,
-    products: Matrix3<f64>,
-}
-
-impl SlopeMoments {
-    fn add(&mut self, slopes: Vector3<f64>) {
-        self.count += 1.0;
-        self.sum += slopes;
-        self.products += slopes * slopes.transpose();
-    }
-
-    /// Bias and RMS about it \[m\] for given errors of the fitted parameters.
-    fn left_by(&self, errors: &Vector3<f64>) -> (f64, f64) {
-        let bias = self.sum.dot(errors) / self.count;
-        let square = errors.dot(&(self.products * errors)) / self.count;
-        (bias, (square - bias * bias).max(0.0).sqrt())
-    }
-
-    /// The same for [`DRAWS`] surveys with noise of a given covariance.
-    fn left_by_noise(&self, noise: &Matrix3<f64>, random: &mut Pcg64Mcg) -> Vec<(f64, f64)> {
-        // scaled, because the parameters have different magnitudes
-        let scale = Vector3::from_fn(|i, _| noise[(i, i)].sqrt().max(f64::MIN_POSITIVE));
-        let scaled = Matrix3::from_fn(|i, j| noise[(i, j)] / (scale[i] * scale[j]));
-        let eigen = scaled.symmetric_eigen();
-        let size = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
-        let draw = |_| {
-            let normal = Vector3::from_fn(|_, _| StandardNormal.sample(&mut *random));
-            let errors = eigen.eigenvectors * size.component_mul(&normal);
-            self.left_by(&errors.component_mul(&scale))
-        };
-        (0..DRAWS).map(draw).collect()
-    }
-}
-
-impl NoiseFloor {
-    fn of(left: &[(f64, f64)]) -> Self {
-        Self {
-            bias_mm: Percentiles::of(left.iter().map(|(bias, _)| bias.abs() * 1e3)),
-            rms_about_mm: Percentiles::of(left.iter().map(|(_, rms)| rms * 1e3)),
-        }
-    }
-
-    /// Errors due to a survey's noise along the fast motion of a description with its payload.
-    pub fn of_survey(fit: &SurveyFit, description: &Description, seed: u64) -> Self {
-        let n = &description.numbers;
-        let motion = description.motion(n.fast);
-        let mut slopes = SlopeMoments::default();
-        for k in 0..=(motion.duration() / INSTANT) as u32 {
-            let piston = motion.reference(f64::from(k) * INSTANT).position;
-            let load = TipLoad { piston, payload: n.payload, acceleration: 0.0 };
-            slopes.add(Vector3::from(fit.estimator.slopes(&load).0[1]));
-        }
-        let noise = Matrix3::from_fn(|i, j| fit.noise[i][j]);
-        Self::of(&slopes.left_by_noise(&noise, &mut Pcg64Mcg::seed_from_u64(seed)))
-    }
-}
-
-struct Observer<'a> {
-    controller: ScheduledLqrController,
-    known: &'a Known,
-    at_rest: &'a RestTable,
-    memory: TipMemory<f64>,
-    past: VecDeque<Sample>,
-    delay: usize,
-    command: f64,
-    number: u64,
-    every: u64,
-    run: Run,
-}
-
-impl Observer<'_> {
-    fn see(&mut self, sample: &Sample) {
-        self.number += 1;
-        let measurement = Measurement::new(self.number, sample.time, [sample.signals]);
-        self.controller.observe(&measurement, self.command);
-        if let Some(estimated) = self.controller.estimated() {
-            let filter = &self.controller.estimator().filter;
-            self.known.unsurveyed.update(&mut self.memory, filter, &estimated.filter);
-        }
-        self.command = sample.command.motor_speed;
-        self.past.push_back(*sample);
-        // the estimator has no measurement before the delay has passed
-        if self.past.len() <= self.delay {
-            return;
-        }
-        let Some(measured) = self.past.pop_front() else { return };
-        if self.number.is_multiple_of(self.every) {
-            self.compare(&measured);
-        }
-    }
-
-    fn compare(&mut self, measured: &Sample) {
-        let Some(estimated) = self.controller.estimated() else { return };
-        let (filter, known) = (&estimated.filter, self.known);
-        let model = &self.controller.estimator().filter.model;
-        let payload = self.memory.payload;
-        // the other methods use the same payload
-        let load = TipLoad { payload, ..TipLoad::of(model, &filter.estimate) };
-        let outputs = &measured.truth.outputs;
-        let found = Method::ALL.map(|method| {
-            let by = |tip: &TipEstimator<f64>| {
-                let tip = tip.estimate(&self.memory, model, filter);
-                (tip.y, tip.deviation_y)
-            };
-            let rigid = || rigid_height(&known.unsurveyed, load.piston);
-            match method {
-                Method::Rigid => (rigid(), 0.0),
-                Method::Published => (self.at_rest.at(&load), 0.0),
-                Method::Unsurveyed => by(&known.unsurveyed),
-                Method::Map => (rigid() + known.map.at(&load), 0.0),
-                Method::Surveyed => by(&known.surveyed),
-            }
-        });
-        for (errors, (height, deviation)) in self.run.errors.iter_mut().zip(found) {
-            errors.add((height - outputs.tip_y) * 1e3, deviation * 1e3);
-        }
-        self.run.slopes.add(Vector3::from(known.surveyed.slopes(&load).0[1]));
-        self.run.course.push(TipInstant {
-            time_s: measured.time,
-            rigid_y_m: rigid_height(&known.unsurveyed, outputs.stroke),
-            true_y_m: outputs.tip_y,
-            estimated_y_m: found.map(|(height, _)| height),
-            deviation_y_m: found.map(|(_, deviation)| deviation),
-        });
-    }
-}
-
 /// Surveys each crane of a family and runs the tip estimator beside a controller along a course. `go_on`
 /// receives the share done and returns whether to continue.
 ///
@@ -425,7 +145,7 @@ pub fn tip_accuracy(
 ) -> Result<TipAccuracy, LabError> {
     let draw = if family.is_widened { widened } else { member };
     let numbers: Vec<u64> = family.cranes.clone().collect();
-    let mut all: Vec<(Member, Known)> = Vec::with_capacity(numbers.len());
+    let mut all: Vec<(Member, TipEstimators)> = Vec::with_capacity(numbers.len());
     for number in &numbers {
         let one = draw(nominal, family.seed, *number)?;
         let order = SurveyOrder {
@@ -433,15 +153,15 @@ pub fn tip_accuracy(
             deviation: family.survey_deviation,
             seed: family.seed.rotate_left(17) ^ number.wrapping_mul(0xa076_1d64_78bd_642f),
         };
-        let known = Known::new(model, &one.crane, &order)?;
+        let known = TipEstimators::new(model, &one.crane, &order)?;
         all.push((one, known));
     }
     let estimator = scheduled_lqr_controller(model)?;
     let at_rest = RestTable::new(model)?;
-    let groups: Vec<&[(Member, Known)]> = all.chunks(WIDTH).collect();
+    let groups: Vec<&[(Member, TipEstimators)]> = all.chunks(WIDTH).collect();
     let share = |done: usize| go_on(done as f64 / groups.len().max(1) as f64);
-    let one = |group: &&[(Member, Known)]| {
-        together(model, &estimator, &at_rest, controller, group, course)
+    let one = |group: &&[(Member, TipEstimators)]| {
+        simulate_group(model, &estimator, &at_rest, controller, group, course)
     };
     let done = as_long_as(&groups, &share, one)
         .into_iter()
@@ -491,12 +211,12 @@ pub fn tip_accuracy(
 }
 
 /// Up to [`WIDTH`] cranes along a course.
-fn together(
+fn simulate_group(
     model: &Description,
     estimator: &ScheduledLqrController,
     at_rest: &RestTable,
     controller: ControllerChoice,
-    group: &[(Member, Known)],
+    group: &[(Member, TipEstimators)],
     choice: &CourseChoice,
 ) -> Result<Vec<Result<Run, String>>, LabError> {
     let courses: Vec<Box<dyn Course>> =
@@ -510,21 +230,9 @@ fn together(
             course: course.as_ref(),
         })
         .collect();
-    let every = (INSTANT / model.numbers.control_period).round().max(1.0) as u64;
     let mut observers: Vec<Observer<'_>> = group
         .iter()
-        .map(|(member, known)| Observer {
-            controller: *estimator,
-            known,
-            at_rest,
-            memory: TipMemory::default(),
-            past: VecDeque::new(),
-            delay: member.crane.numbers.fieldbus_delay.round() as usize,
-            command: 0.0,
-            number: 0,
-            every,
-            run: Run::default(),
-        })
+        .map(|(member, known)| Observer::new(*estimator, known, at_rest, model, &member.crane))
         .collect();
     let ends = simulate_cases(model, &cases, |lane, sample| observers[lane].see(sample));
     Ok(observers
@@ -533,8 +241,6 @@ fn together(
         .map(|(observer, end)| end.map(|()| observer.run).map_err(|error| error.to_string()))
         .collect())
 }
-
-const _: () = assert!(PARAMETERS == 3, "the matrices of a survey's noise are of three numbers");
 
 #[cfg(test)]
 mod tests {

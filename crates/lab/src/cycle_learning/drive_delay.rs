@@ -39,12 +39,12 @@ pub(crate) fn with_drive_delay(model: &Description, delay: f64) -> Description {
         n.drive_bandwidth *= lag / delay;
     }
     n.drive_dead_time = (delay - lag).max(0.0);
-    told_to_estimator(&model)
+    with_estimated_delay(&model)
 }
 
 /// Model whose drive has half of its delay as lag if the crane file describes none: start value of the
 /// search.
-pub(crate) fn half_of_it_lag(model: &Description) -> Description {
+pub(crate) fn with_half_as_lag(model: &Description) -> Description {
     let mut model = model.clone();
     let n = &mut model.numbers;
     if n.drive_bandwidth == 0.0 && n.drive_dead_time > 0.0 {
@@ -55,20 +55,20 @@ pub(crate) fn half_of_it_lag(model: &Description) -> Description {
 }
 
 /// Model whose state estimator knows the drive's delay, within the range of its own identification.
-pub(crate) fn told_to_estimator(model: &Description) -> Description {
-    let mut told = model.clone();
-    let tuning = &mut told.numbers.tuning;
+pub(crate) fn with_estimated_delay(model: &Description) -> Description {
+    let mut changed = model.clone();
+    let tuning = &mut changed.numbers.tuning;
     let (low, high) = (tuning.estimator_shortest_drive_lag, tuning.estimator_longest_drive_lag);
     tuning.estimator_drive_lag = drive_delay(model).max(low).min(high);
-    told
+    changed
 }
 
 /// Model whose state estimator attributes the whole delay from command to measurement to the drive: for a
 /// loop without a fieldbus.
 pub(crate) fn as_one_lag(model: &Description) -> Description {
-    let mut told = model.clone();
-    told.numbers.tuning.estimator_drive_lag = total_delay(model);
-    told
+    let mut changed = model.clone();
+    changed.numbers.tuning.estimator_drive_lag = total_delay(model);
+    changed
 }
 
 #[cfg(test)]
@@ -81,14 +81,14 @@ mod tests {
         let known = model.numbers.tuning.estimator_drive_lag;
         let described = with_drive(&model);
         assert_eq!(described.numbers.drive_dead_time, known);
-        assert!((drive_delay(&half_of_it_lag(&described)) - known).abs() < 1e-12);
+        assert!((drive_delay(&with_half_as_lag(&described)) - known).abs() < 1e-12);
         assert!((total_delay(&described) - known - fieldbus_delay(&model)).abs() < 1e-12);
         // corresponds to a lag of 8.5 ms
         model.set("drive.bandwidth_hz=30").unwrap();
         for delay in [5e-3, 20e-3] {
-            let told = with_drive_delay(&model, delay);
-            assert!((drive_delay(&told) - delay).abs() < 1e-12);
-            assert!((told.numbers.tuning.estimator_drive_lag - delay).abs() < 1e-12);
+            let changed = with_drive_delay(&model, delay);
+            assert!((drive_delay(&changed) - delay).abs() < 1e-12);
+            assert!((changed.numbers.tuning.estimator_drive_lag - delay).abs() < 1e-12);
         }
         assert!(with_drive_delay(&model, 20e-3).numbers.drive_bandwidth == 30.0);
         assert!(with_drive_delay(&model, 5e-3).numbers.drive_dead_time == 0.0);

@@ -11,6 +11,7 @@ use super::record::Record;
 use super::replay::{Errors, at_rest, replayed, rms};
 use super::saturation::saturations;
 use super::stages::Stages;
+use super::usability::{beyond_ranges, outside_range, worse_than_nominal};
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::metrics::SustainedOscillation;
@@ -18,7 +19,7 @@ use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::interruptible::as_long_as;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_description::{Description, RangeSource};
+use hydroboom_description::Description;
 use hydroboom_identify::Window;
 use hydroboom_virtual_crane::{VirtualCrane, surrogate};
 use serde::Serialize;
@@ -249,32 +250,20 @@ impl CycleReport {
             .and_then(|cycle| oscillation(&cycle.errors.measured, cycle.record.period, course));
         self.stable = Some(cycle.is_ok() && self.sustained_oscillation.is_none());
         self.add(Method::ClosedLoop, true, cycle.as_ref().map(|cycle| &cycle.errors));
-        let from_rest = |model: &Description, stroke: f64| {
+        let run_from_rest = |model: &Description, stroke: f64| {
             let commands = feedforward(model, course, &[], stroke, stages)?;
             let (_, errors) = replayed(&commands, &mut at_rest(crane, course)?, course, stages)?;
             Ok((commands, errors))
         };
-        let nominal = unless_stopped(from_rest(&described, start))?.map(|(_, errors)| errors);
+        let nominal = unless_stopped(run_from_rest(&described, start))?.map(|(_, errors)| errors);
         self.add(Method::NominalModel, true, nominal.as_ref());
         let Ok(Cycle { estimated, record, machine, .. }) = cycle else { return Ok(()) };
         let stroke = record.readings.first().map_or(start, |reading| reading.stroke);
-        let on_line = unless_stopped(from_rest(&estimated, stroke))?.map(|(_, errors)| errors);
+        let on_line = unless_stopped(run_from_rest(&estimated, stroke))?.map(|(_, errors)| errors);
         self.add(Method::OnLineEstimates, true, on_line.as_ref());
-        let (identified, payload) = match subject.identified {
-            Some(known) => (known.clone(), subject.payload),
-            None => {
-                let (log, signals) = record.log();
-                let found = identified(&estimated, (&log, &signals), Window::default(), stages);
-                match unless_stopped(found)? {
-                    Ok(found) => (found.model, found.payload),
-                    Err(error) => {
-                        self.remarks.push(format!(
-                            "the identification failed, and no correction was learned: {error}"
-                        ));
-                        return Ok(());
-                    }
-                }
-            }
+        let Some((identified, payload)) = self.identify(subject, &estimated, &record, stages)?
+        else {
+            return Ok(());
         };
         stages.done(IDENTIFICATION);
         (self.identified, self.payload) = (overrides(model, &identified), payload);
@@ -287,51 +276,103 @@ impl CycleReport {
         }
         let asked: Vec<f64> = record.commands.iter().map(|command| command.motor_speed).collect();
         self.remarks.extend(saturations(&identified, &asked, record.period));
-        let fitted = unless_stopped(from_rest(&identified, stroke))?;
+        let fitted = unless_stopped(run_from_rest(&identified, stroke))?;
         self.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
         let fitted_mm = fitted.as_ref().map(|(_, errors)| 1e3 * rms(&errors.measured));
         let nominal_mm = nominal.as_ref().map(|errors| 1e3 * rms(&errors.measured));
         let worse = worse_than_nominal(fitted_mm.ok(), nominal_mm.ok());
-        let mut may_propose = worse.is_none();
+        let is_better = worse.is_none();
         self.judge_use(match fitted.is_ok() {
             true => worse.or_else(|| beyond_ranges(&outside)),
             false => Some("feedforward from it could not be run".into()),
         });
-        let periods = record.commands.len();
-        let law = IterativeLearning::new(&identified, course, periods);
-        let checked =
-            law.and_then(|law| Ok((law.convergence(&identified, course, periods, stages)?, law)));
-        match unless_stopped(checked)? {
-            Err(error) => self.remarks.push(format!("no correction was learned: {error}")),
-            Ok((convergence, law)) => {
-                if convergence.is_contraction() {
-                    for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
-                        let from_rest = matches!(start, Start::Rest(_));
-                        let diverged =
-                            self.learn((&law, &identified), &record, course, start, stages)?;
-                        may_propose &= !(from_rest && diverged);
-                    }
-                    let commands = fitted.ok().map(|(commands, _)| commands);
-                    self.proposal =
-                        commands.filter(|_| may_propose && subject.identified.is_some());
-                } else {
-                    self.remarks.push(format!(
-                        "learning is not applied: the correction need not converge at {} (its contraction is {:.2}; below 1 is needed)",
-                        convergence.worst_case, convergence.worst
-                    ));
-                }
-                self.convergence = Some(convergence);
-            }
+        let converged =
+            self.learn_if_convergent(&identified, &record, course, crane, &machine, stages)?;
+        let may_propose = is_better && converged && subject.identified.is_some();
+        self.proposal = fitted.ok().map(|(commands, _)| commands).filter(|_| may_propose);
+        self.run_as_left(&identified, &record, course, machine, stages)
+    }
+
+    /// Model of the machine and its payload: known from a log, or identified from the closed-loop cycle; none if that
+    /// failed.
+    fn identify(
+        &mut self,
+        subject: Subject<'_>,
+        estimated: &Description,
+        record: &Record,
+        stages: &Stages<'_>,
+    ) -> Result<Option<(Description, Option<IdentifiedPayload>)>, LabError> {
+        if let Some(known) = subject.identified {
+            return Ok(Some((known.clone(), subject.payload)));
         }
-        // from the state of the oil after the cycle
+        let (log, signals) = record.log();
+        let found = identified(estimated, (&log, &signals), Window::default(), stages);
+        Ok(match unless_stopped(found)? {
+            Ok(found) => Some((found.model, found.payload)),
+            Err(error) => {
+                self.remarks.push(format!(
+                    "the identification failed, and no correction was learned: {error}"
+                ));
+                None
+            }
+        })
+    }
+
+    /// Iterative learning control from the same rest and without a reset, if its law contracts; whether learning from
+    /// rest did not diverge.
+    fn learn_if_convergent(
+        &mut self,
+        identified: &Description,
+        first: &Record,
+        course: &dyn Course,
+        crane: &Description,
+        machine: &VirtualCrane,
+        stages: &Stages<'_>,
+    ) -> Result<bool, LabError> {
+        let periods = first.commands.len();
+        let law = IterativeLearning::new(identified, course, periods);
+        let checked =
+            law.and_then(|law| Ok((law.convergence(identified, course, periods, stages)?, law)));
+        let (convergence, law) = match unless_stopped(checked)? {
+            Ok(found) => found,
+            Err(error) => {
+                self.remarks.push(format!("no correction was learned: {error}"));
+                return Ok(false);
+            }
+        };
+        let mut converged = convergence.is_contraction();
+        if converged {
+            for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
+                let from_rest = matches!(start, Start::Rest(_));
+                let diverged = self.learn((&law, identified), first, course, start, stages)?;
+                converged &= !(from_rest && diverged);
+            }
+        } else {
+            self.remarks.push(format!(
+                "learning is not applied: the correction need not converge at {} (its contraction is {:.2}; below 1 is needed)",
+                convergence.worst_case, convergence.worst
+            ));
+        }
+        self.convergence = Some(convergence);
+        Ok(converged)
+    }
+
+    /// Feedforward and replay from the state of the oil that the closed-loop cycle left.
+    fn run_as_left(
+        &mut self,
+        identified: &Description,
+        record: &Record,
+        course: &dyn Course,
+        mut machine: VirtualCrane,
+        stages: &Stages<'_>,
+    ) -> Result<(), LabError> {
         let mut here = machine.clone();
         let stroke = here.signals().stroke;
-        let on = feedforward(&identified, course, &record.commands, stroke, stages)
+        let on = feedforward(identified, course, &record.commands, stroke, stages)
             .and_then(|commands| replayed(&commands, &mut here, course, stages));
         let on = unless_stopped(on)?;
         self.add(Method::IdentifiedModel, false, on.as_ref().map(|(_, errors)| errors));
-        let mut here = machine;
-        let again = unless_stopped(replayed(&record.commands, &mut here, course, stages))?;
+        let again = unless_stopped(replayed(&record.commands, &mut machine, course, stages))?;
         self.add(Method::Replay, false, again.as_ref().map(|(_, errors)| errors));
         Ok(())
     }
@@ -440,53 +481,5 @@ impl Start<'_> {
             }
             Self::AsLeft(machine) => replayed(commands, machine, course, stages),
         }
-    }
-}
-
-/// Reason not to use what was identified if feedforward from it has a larger measured error \[mm\] than from the
-/// nominal model; none if one of them could not be run.
-fn worse_than_nominal(fitted_mm: Option<f64>, nominal_mm: Option<f64>) -> Option<String> {
-    let (fitted, nominal) = fitted_mm.zip(nominal_mm)?;
-    (fitted.is_nan() || fitted > nominal).then(|| {
-        format!(
-            "feedforward from it errs by {fitted:.2} mm RMS as measured, from the nominal model by {nominal:.2} mm"
-        )
-    })
-}
-
-/// Reason not to use what was identified if overrides are outside the crane file's ranges, where `--set` refuses them.
-fn beyond_ranges(outside: &[String]) -> Option<String> {
-    let named = outside.join(", ");
-    (!outside.is_empty()).then(|| format!("the crane file's ranges exclude {named}"))
-}
-
-/// Overrides outside the range stated in the crane file.
-pub(crate) fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
-    let is_outside = |assignment: &&String| {
-        let Some((path, text)) = assignment.split_once('=') else { return false };
-        let known = model.own_ranges().find(|(key, ..)| key.path() == path);
-        let value: Option<f64> = text.parse().ok();
-        known.zip(value).is_some_and(|((_, [low, high], from), value)| {
-            from == RangeSource::File && !(low..=high).contains(&value)
-        })
-    };
-    identified.iter().filter(is_outside).cloned().collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_model_worse_than_nominal_or_outside_a_range_is_unusable() {
-        let message = worse_than_nominal(Some(3.0), Some(2.0)).unwrap();
-        assert!(message.contains("3.00 mm") && message.contains("2.00 mm"), "{message}");
-        assert!(worse_than_nominal(Some(f64::NAN), Some(2.0)).is_some());
-        assert_eq!(worse_than_nominal(Some(2.0), Some(3.0)), None);
-        assert_eq!(worse_than_nominal(Some(2.0), None), None);
-        assert_eq!(beyond_ranges(&[]), None);
-        let model = Description::uia_single_boom().unwrap();
-        let outside = outside_range(&model, &["payload.mass_kg=900".into()]);
-        assert!(beyond_ranges(&outside).unwrap().contains("payload.mass_kg=900"));
     }
 }

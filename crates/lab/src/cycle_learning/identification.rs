@@ -5,7 +5,7 @@
 //! commands reach the machine through that speed alone. If the command was recorded too, the drive is
 //! identified from command and speed.
 
-use super::drive_delay::{half_of_it_lag, told_to_estimator};
+use super::drive_delay::{with_estimated_delay, with_half_as_lag};
 use super::identified_payload::IdentifiedPayload;
 use super::stages::Stages;
 use crate::LabError;
@@ -81,7 +81,7 @@ pub(crate) fn identified(
         .into_iter()
         .all(|signal| signals.get(signal).is_some());
     if is_commanded {
-        model = half_of_it_lag(&model);
+        model = with_half_as_lag(&model);
     }
     let watched = stages.watched();
     let mut experiments = Experiment::each(&model, log, signals, window)?;
@@ -125,7 +125,13 @@ pub(crate) fn identified(
     let begin = experiments.first().map_or(0.0, |experiment| experiment.begin);
     let mut machine = with_measured_pressures(&found.description, signals, begin);
     machine.numbers.fieldbus_delay = stated;
-    Ok(Identification { model: told_to_estimator(&machine), judged, improbable, payload, remarks })
+    Ok(Identification {
+        model: with_estimated_delay(&machine),
+        judged,
+        improbable,
+        payload,
+        remarks,
+    })
 }
 
 /// Reason why the keys that the log determines together contradict the prior; none if they agree. Their squared

@@ -6,13 +6,14 @@
 //! learning converges, and the crane's margins are kept.
 
 use super::drive_delay::with_drive;
-use super::experiment::{CycleReport, Subject, outside_range, reports};
+use super::experiment::{CycleReport, Subject, reports};
 use super::identification::{Identification, identified, overrides};
 use super::identified_payload::IdentifiedPayload;
 use super::margins::exceeded;
 use super::replay::{at_rest, replayed};
 use super::saturation::saturations;
 use super::stages::Stages;
+use super::usability::outside_range;
 use crate::LabError;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use hydroboom_control::command::AxisCommand;

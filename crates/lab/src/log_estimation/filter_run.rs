@@ -1,6 +1,7 @@
 //! Run of the filter along a log, one control period after the other.
 
 use super::input_signals::interval_of;
+use super::measurements::{Measurements, Newest};
 use super::{ESTIMATES, EstimateRow, INNOVATIONS};
 use crate::virtual_estimates::{OF_STATE, quantities};
 use hydroboom_control::estimation::error_covariance::{ERRORS, as_variables, output_deviation};
@@ -97,11 +98,12 @@ impl Run {
         self.cost / self.counted.max(1) as f64
     }
 
-    /// A run that has not begun, of which one in `every` rows is kept.
-    fn new(every: usize) -> Self {
+    /// A run that has not begun.
+    fn new(source: &Source<'_>) -> Self {
+        let samples = source.position.time().len().min(source.periods);
         Self {
             rows: Vec::new(),
-            every,
+            every: samples.div_ceil(MOST_ROWS).max(1),
             initial_deviation: [f64::NAN; ESTIMATES.len()],
             windows: Vec::new(),
             load_changes: Vec::new(),
@@ -112,6 +114,24 @@ impl Run {
             began_in_motion: false,
             variance_ratio: [f64::INFINITY; ESTIMATES.len()],
         }
+    }
+
+    /// Notes a start of the filter in a state, at a motor speed \[rev/s\]; the first one has the initial deviations.
+    fn start(
+        &mut self,
+        estimator: &StateEstimator<f64>,
+        source: &Source<'_>,
+        begun: &StateEstimatorState<f64>,
+        motor_speed: f64,
+        is_restart: bool,
+    ) {
+        if is_restart {
+            self.restarts += 1;
+            return;
+        }
+        self.initial_deviation = estimated(estimator, begun, motor_speed).1;
+        self.initial_deviation[TIP..]
+            .copy_from_slice(&tip_of(source, estimator, &TipMemory::default(), begun).1);
     }
 
     /// Keeps the estimates of a period.
@@ -164,113 +184,6 @@ struct Moment {
     is_good: [bool; 2],
 }
 
-/// Iterator over the samples of a signal.
-struct Samples<'a> {
-    track: &'a Track,
-    next: usize,
-}
-
-impl<'a> Samples<'a> {
-    fn new(track: &'a Track, from: f64) -> Self {
-        Self { track, next: track.time().partition_point(|t| *t < from) }
-    }
-
-    /// Time and value of the newest unused sample up to a time \[s\].
-    fn newest(&mut self, until: f64) -> Option<(f64, f64)> {
-        let before = self.next;
-        while self.track.time().get(self.next).is_some_and(|t| *t <= until) {
-            self.next += 1;
-        }
-        let last = self.next.checked_sub(1).filter(|_| self.next > before)?;
-        Some((self.track.time()[last], self.track.values()[last]))
-    }
-}
-
-/// Samples of position and load pressure that are new in a period.
-struct Newest {
-    /// Piston position \[m\].
-    position: Option<f64>,
-    /// Load pressure, and the rod side's share in it \[Pa\].
-    pressure: Option<(f64, f64)>,
-    /// Times of the samples of position and piston-side pressure \[s\].
-    times: [Option<f64>; 2],
-}
-
-/// Position and load pressure along a log, with the last value of each.
-struct Measurements<'a> {
-    positions: Samples<'a>,
-    pressures: Option<Samples<'a>>,
-    /// Assumed delays of both \[s\].
-    late: [f64; 2],
-    last_position: Option<f64>,
-    last_pressure: Option<(f64, f64)>,
-}
-
-impl<'a> Measurements<'a> {
-    fn new(source: &Source<'a>, late: [f64; 2]) -> Self {
-        Self {
-            positions: Samples::new(source.position, source.begin + late[0]),
-            pressures: source.pressure_a.map(|t| Samples::new(t, source.begin + late[1])),
-            late,
-            last_position: None,
-            last_pressure: None,
-        }
-    }
-
-    /// Newest unused samples up to a time \[s\].
-    fn newest(&mut self, source: &Source<'_>, until: f64, is_held: bool) -> Newest {
-        let late = self.late;
-        let newest = self.positions.newest(until + late[0]);
-        let newest_pressure =
-            self.pressures.as_mut().and_then(|samples| samples.newest(until + late[1]));
-        let position = newest.map(|(_, x)| x);
-        let pressure = newest_pressure.and_then(|(at, a)| {
-            let b = source.pressure_b?.at(at)?;
-            Some((a - source.area_ratio * b, source.area_ratio * b))
-        });
-        // a shut valve separates the pump side from the cylinder
-        let pressure = pressure.filter(|_| !(is_held && source.is_pump_side));
-        self.last_position = position.or(self.last_position);
-        self.last_pressure = pressure.or(self.last_pressure);
-        let times = [newest, newest_pressure].map(|sample| sample.map(|(at, _)| at));
-        Newest { position, pressure, times }
-    }
-
-    /// Forgets the last values, in a gap.
-    fn forget(&mut self) {
-        (self.last_position, self.last_pressure) = (None, None);
-    }
-
-    /// Input of the filter at a motor speed \[rev/s\]; none before the first samples.
-    fn input(
-        &self,
-        estimator: &StateEstimator<f64>,
-        source: &Source<'_>,
-        newest: &Newest,
-        motor_speed: f64,
-    ) -> Option<EstimatorInput<f64>> {
-        let x = self.last_position?;
-        let model = &estimator.filter.model;
-        // without a load pressure signal that of the crane file's payload is used
-        let (p, rod_side_term) =
-            match (self.last_pressure, source.pressure_a.and(source.pressure_b)) {
-                (Some(last), _) => last,
-                (None, None) => (model.at(x, source.payload).holding_pressure, 0.0),
-                // the first pressure sample is still to come
-                (None, Some(_)) => return None,
-            };
-        let number = |is: bool| f64::from(u8::from(is));
-        Some(EstimatorInput {
-            position: x,
-            position_is_good: number(newest.position.is_some()),
-            load_pressure: p,
-            load_pressure_is_good: number(newest.pressure.is_some()),
-            rod_side_term,
-            motor_speed,
-        })
-    }
-}
-
 /// Test for load changes: the mean NIS stays above its threshold.
 struct LoadChangeTest {
     /// Time at which the filter was initialised \[s\].
@@ -315,22 +228,18 @@ pub(crate) fn run(
     keeps_rows: bool,
 ) -> Run {
     let period = estimator.filter.period;
-    let samples = source.position.time().len().min(source.periods);
-    let every = samples.div_ceil(MOST_ROWS).max(1);
-    let mut run = Run::new(every);
+    let mut run = Run::new(source);
     let gap = GAP * interval_of(Some(source.position)).max(period);
-    let threshold = estimator.filter.innovation_test.threshold;
+    let test = &estimator.filter.innovation_test;
     let mut measurements = Measurements::new(source, late);
     let mut state: Option<StateEstimatorState<f64>> = None;
     let mut tip_memory = TipMemory::default();
-    let (mut seen, mut has_begun) = (source.begin, false);
     let mut load_changes = LoadChangeTest::new(source.begin);
-    let (mut last_speed, mut sampled) = (0.0, 0_usize);
+    let (mut seen, mut has_begun, mut last_speed, mut sampled) = (source.begin, false, 0.0, 0);
     for k in 0..=source.periods {
         let time = source.begin + k as f64 * period;
-        let until = time + 0.25 * period;
         let is_held = source.valve.and_then(|v| v.held(time - period)).is_some_and(|v| v < 0.5);
-        let newest = measurements.newest(source, until, is_held);
+        let newest = measurements.newest(source, time + 0.25 * period, is_held);
         let Newest { position, pressure, times } = newest;
         let is_scored = times.map(|at| at.is_some_and(|at| (scored[0]..=scored[1]).contains(&at)));
         if position.is_some() || pressure.is_some() {
@@ -339,23 +248,18 @@ pub(crate) fn run(
             state = None;
             measurements.forget();
         }
-        let read = source.speed.and_then(|speed| speed.at(time));
-        let told = source.command.and_then(|command| command.held(time - period));
-        let speed = match (read, &state) {
-            (Some(speed), _) => speed,
-            (None, Some(state)) if told.is_some() => estimator.predicted_speed(state),
-            _ => last_speed,
+        let commanded = source.command.and_then(|command| command.held(time - period));
+        let predicted = || {
+            let state = state.as_ref().filter(|_| commanded.is_some())?;
+            Some(estimator.predicted_speed(state))
         };
+        let read = source.speed.and_then(|speed| speed.at(time));
+        let speed = read.or_else(predicted).unwrap_or(last_speed);
         last_speed = speed;
         let Some(input) = measurements.input(estimator, source, &newest, speed) else { continue };
         let Some(filter) = &mut state else {
             let begun = begin(estimator, source, &input, time, &mut run.began_in_motion);
-            run.restarts += u32::from(has_begun);
-            if !has_begun {
-                run.initial_deviation = estimated(estimator, &begun, speed).1;
-                run.initial_deviation[TIP..]
-                    .copy_from_slice(&tip_of(source, estimator, &TipMemory::default(), &begun).1);
-            }
+            run.start(estimator, source, &begun, speed, has_begun);
             has_begun = true;
             load_changes.begun_at = time;
             state = Some(begun);
@@ -365,7 +269,7 @@ pub(crate) fn run(
         match is_held {
             true => estimator.hold(filter, &input),
             // without a recorded command the lag is not identifiable: the speed stands for the command
-            false => estimator.update(filter, &input, told.unwrap_or(speed)),
+            false => estimator.update(filter, &input, commanded.unwrap_or(speed)),
         }
         if let Some(tip) = source.tip {
             tip.update(&mut tip_memory, &estimator.filter, &filter.filter);
@@ -375,13 +279,13 @@ pub(crate) fn run(
         }
         let is_good = [position.is_some(), pressure.is_some()].map(|good| good && !is_held);
         count(&mut run, &filter.filter, is_good, is_scored, time - source.begin);
-        let is_above = filter.filter.mean_nis > threshold && !is_held;
+        let is_above = filter.filter.mean_nis > test.threshold && !is_held;
         run.load_changes.extend(load_changes.found(is_above, time, source.persistence));
         run.diverged |= estimator.filter.has_diverged(&filter.filter);
         let is_sampled =
             position.is_some() || (pressure.is_some() && source.position.at(time).is_none());
         sampled += usize::from(is_sampled);
-        if keeps_rows && is_sampled && sampled % every == 0 {
+        if keeps_rows && is_sampled && sampled % run.every == 0 {
             let at = Moment { time, motor_speed: speed, is_held, is_good };
             run.add_row(estimator, source, filter, &tip_memory, &at);
         }

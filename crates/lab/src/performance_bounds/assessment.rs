@@ -130,34 +130,14 @@ pub fn performance_bounds(
         )));
     }
     let along = CraneAlongCourse::new(crane, course)?;
-    let done = AtomicUsize::new(1);
     if !go_on(1) {
         return Ok(None);
     }
-    let n = &crane.numbers;
-    let (speed, slew, none) = (n.motor_speed, n.motor_slew, f64::INFINITY);
-    // the last one has no preview
-    let motors =
-        [(speed, none, true), (none, slew, true), (speed, slew, true), (speed, slew, false)];
-    let blind = Delay::of(crane).command_periods();
-    let one = |&(speed, slew, is_known_ahead): &(f64, f64, bool)| {
-        let still = || go_on(done.load(Ordering::Relaxed));
-        let limits = MotorLimits { speed, slew };
-        let found = match is_known_ahead {
-            true => least_error(&along, limits, &still),
-            false => least_error_without_preview(&along, limits, blind, &still),
-        };
-        done.fetch_add(1, Ordering::Relaxed);
-        found
-    };
-    let found = motors.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
-    let Ok([Some(by_speed), Some(by_slew), Some(by_both), Some(unforeseen)]) =
-        <[Option<LeastError>; 4]>::try_from(found)
-    else {
+    let Some([by_speed, by_slew, by_both, unforeseen]) = least_errors(crane, &along, go_on)? else {
         return Ok(None);
     };
     let known = Knowledge::new(crane, &along, payloads);
-    let all_known = known.left(true, true, true);
+    let all_known = known.remaining_error(true, true, true);
     let information_mm = all_known.rms_mm;
     let motor = |without: Option<Limit>| match without {
         Some(Limit::MotorSpeed) => by_slew.rms_mm,
@@ -174,8 +154,8 @@ pub fn performance_bounds(
             Limit::MotorSpeed => (by_speed.rms_mm, information_mm),
             Limit::Slew => (by_slew.rms_mm, information_mm),
             _ => (
-                known.left(!delay, !noise, !payload).rms_mm,
-                known.left(delay, noise, payload).rms_mm,
+                known.remaining_error(!delay, !noise, !payload).rms_mm,
+                known.remaining_error(delay, noise, payload).rms_mm,
             ),
         };
         LimitCost { limit, alone_mm, all_others_mm: motor(Some(limit)).hypot(others) }
@@ -204,6 +184,35 @@ pub fn performance_bounds(
     Ok(go_on(BOUND_PARTS).then_some(bounds))
 }
 
+/// Least errors with a limit of the motor's speed, of its slew rate, with both, and with both without preview; none if
+/// `go_on` returned false.
+fn least_errors(
+    crane: &Description,
+    along: &CraneAlongCourse,
+    go_on: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Option<[LeastError; 4]>, LabError> {
+    let done = AtomicUsize::new(1);
+    let n = &crane.numbers;
+    let (speed, slew, none) = (n.motor_speed, n.motor_slew, f64::INFINITY);
+    // the last one has no preview
+    let motors =
+        [(speed, none, true), (none, slew, true), (speed, slew, true), (speed, slew, false)];
+    let blind = Delay::of(crane).command_periods();
+    let one = |&(speed, slew, is_known_ahead): &(f64, f64, bool)| {
+        let still = || go_on(done.load(Ordering::Relaxed));
+        let limits = MotorLimits { speed, slew };
+        let found = match is_known_ahead {
+            true => least_error(along, limits, &still),
+            false => least_error_without_preview(along, limits, blind, &still),
+        };
+        done.fetch_add(1, Ordering::Relaxed);
+        found
+    };
+    let found = motors.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    let found: Option<Vec<LeastError>> = found.into_iter().collect();
+    Ok(found.and_then(|found| found.try_into().ok()))
+}
+
 /// Information on a crane along its reference.
 struct Knowledge {
     course: super::prediction_error::LinearCourse<STATES>,
@@ -214,12 +223,12 @@ struct Knowledge {
 }
 
 /// Remaining error due to incomplete information.
-struct Left {
+struct RemainingError {
     rms_mm: f64,
     covariances: Vec<[[f64; STATES]; STATES]>,
 }
 
-impl Left {
+impl RemainingError {
     fn payload_deviation(&self, k: usize) -> f64 {
         use hydroboom_control::estimation::reduced_model::state_index::PAYLOAD;
         self.covariances.get(k).map_or(0.0, |p| p[PAYLOAD][PAYLOAD].max(0.0).sqrt())
@@ -238,14 +247,14 @@ impl Knowledge {
     }
 
     /// Remaining error with or without delay, sensor noise and unknown payload.
-    fn left(&self, delay: bool, noise: bool, payload: bool) -> Left {
+    fn remaining_error(&self, delay: bool, noise: bool, payload: bool) -> RemainingError {
         let known = Information {
             initial: if payload { self.unknown } else { [[0.0; STATES]; STATES] },
             noise: if noise { self.noise } else { EXACT }.variances(),
             horizon: if delay { self.delay.periods() } else { 0.0 },
         };
         let found = self.course.prediction_error(&known);
-        Left { rms_mm: 1e3 * found.rms, covariances: found.covariances }
+        RemainingError { rms_mm: 1e3 * found.rms, covariances: found.covariances }
     }
 }
 
@@ -322,7 +331,7 @@ mod tests {
             }
             // coarser resolution of the pressure
             n.pressure_bits -= times.log2();
-            Knowledge::new(&crane, &along, PAYLOADS).left(true, true, false).rms_mm
+            Knowledge::new(&crane, &along, PAYLOADS).remaining_error(true, true, false).rms_mm
         };
         let [once, twice] = [1.0, 2.0].map(left);
         assert!((twice / once - 2.0).abs() < 1e-6, "{once} {twice} mm");

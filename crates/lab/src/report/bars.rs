@@ -1,7 +1,7 @@
 //! Horizontal bars with names, as in tornado diagrams.
 
 use super::drawing_data::{Drawing, rows_as_csv};
-use super::figure::{FINE, GRID, INK, themed, tick};
+use super::figure::{FINE, INK, in_page_style, themed, tick};
 use super::palette::paint;
 use crate::LabError;
 use plotters::prelude::*;
@@ -87,13 +87,7 @@ impl Bars<'_> {
                 .y_label_area_size(NAMES * FINE)
                 .build_cartesian_2d(left..high + pad, 0.0..count)
                 .map_err(|e| failed(&e))?;
-            chart
-                .configure_mesh()
-                .axis_style(INK.stroke_width(FINE))
-                .bold_line_style(GRID.stroke_width(FINE))
-                .light_line_style(TRANSPARENT)
-                .label_style(font.clone())
-                .axis_desc_style(font.clone())
+            in_page_style(chart.configure_mesh(), &font)
                 .disable_y_mesh()
                 .y_labels(0)
                 .x_desc(self.x)

@@ -3,6 +3,7 @@
 use super::drawing_data::{Drawing, lines_as_csv};
 use super::palette::paint;
 use crate::LabError;
+use plotters::chart::MeshStyle;
 use plotters::prelude::*;
 
 /// Line of a figure with its points.
@@ -77,7 +78,8 @@ impl Figure<'_> {
         Ok(Drawing { svg, csv: lines_as_csv(self.x, self.y, lines()), says })
     }
 
-    fn svg(&self) -> Result<String, LabError> {
+    /// Lines with the points that the axes can show, thinned.
+    fn drawable(&self) -> Vec<Line<'_>> {
         let finite = |(x, y): &(f64, f64)| {
             let x_fits = self.axes == Axes::Linear || *x > 0.0;
             let y_fits = self.axes != Axes::Logarithmic || *y > 0.0;
@@ -85,8 +87,11 @@ impl Figure<'_> {
         };
         let drawable =
             |line: &Series<'_>| thinned(line.points.iter().copied().filter(finite).collect());
-        let series: Vec<_> =
-            self.series.iter().map(|line| (line.colour, line.name, drawable(line))).collect();
+        self.series.iter().map(|line| (line.colour, line.name, drawable(line))).collect()
+    }
+
+    fn svg(&self) -> Result<String, LabError> {
+        let series = self.drawable();
         let all = || series.iter().flat_map(|(_, _, points)| points.iter().copied());
         if all().next().is_none() {
             return Err(LabError::Figure(format!("nothing to draw over {}", self.x)));
@@ -96,85 +101,102 @@ impl Figure<'_> {
                 (low.min(v), high.max(v))
             })
         };
-        let (x_low, x_high) = extent(|p| p.0);
-        let (y_low, y_high) = extent(|p| p.1);
+        let extents = [extent(|p| p.0), extent(|p| p.1)];
         let legend = if series.len() > 1 { LEGEND_LINE * series.len() as u32 } else { 0 };
         let size = (SIZE.0 * FINE, (SIZE.1 + legend) * FINE);
-        // height of the legend over that of the plotted lines
-        let room = f64::from(legend) / AXES;
         let mut svg = String::new();
-        {
-            let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-            let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
-            let mut builder = ChartBuilder::on(&area);
-            builder
-                .margin(8 * FINE)
-                .margin_right(18 * FINE)
-                .x_label_area_size(44 * FINE)
-                .y_label_area_size(70 * FINE);
-            let axis = ("sans-serif", TEXT * FINE).into_font().color(&INK);
-            macro_rules! draw {
-                ($x:expr, $y:expr) => {{
-                    let mut chart = builder.build_cartesian_2d($x, $y).map_err(|e| failed(&e))?;
-                    chart
-                        .configure_mesh()
-                        .axis_style(INK.stroke_width(FINE))
-                        .bold_line_style(GRID.stroke_width(FINE))
-                        .light_line_style(TRANSPARENT)
-                        .label_style(axis.clone())
-                        .axis_desc_style(axis.clone())
-                        .x_desc(self.x)
-                        .y_desc(self.y)
-                        .x_labels(7)
-                        .y_labels(6)
-                        .x_label_formatter(&|v| tick(*v, x_high - x_low))
-                        .y_label_formatter(&|v| tick(*v, y_high - y_low))
-                        .draw()
-                        .map_err(|e| failed(&e))?;
-                    for (colour, name, points) in &series {
-                        let colour = paint(*colour);
-                        let style = colour.stroke_width(2 * FINE);
-                        let drawn = chart
-                            .draw_series(LineSeries::new(points.iter().copied(), style))
-                            .map_err(|e| failed(&e))?;
-                        drawn.label(*name).legend(move |(x, y)| {
-                            PathElement::new([(x, y), (x + 18 * FINE as i32, y)], style)
-                        });
-                        // dots only if the points are few enough to be distinguished
-                        if self.axes == Axes::Logarithmic && points.len() < 100 {
-                            let dots =
-                                points.iter().map(|p| Circle::new(*p, 3 * FINE, colour.filled()));
-                            chart.draw_series(dots).map_err(|e| failed(&e))?;
-                        }
-                    }
-                    if series.len() > 1 {
-                        chart
-                            .configure_series_labels()
-                            .position(SeriesLabelPosition::UpperRight)
-                            .legend_area_size(24 * FINE)
-                            .label_font(axis.clone())
-                            .background_style(TRANSPARENT)
-                            .border_style(TRANSPARENT)
-                            .draw()
-                            .map_err(|e| failed(&e))?;
-                    }
-                }};
-            }
-            let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
-            let even = y_low - pad..y_high + pad + room * (y_high - y_low + 2.0 * pad);
-            let decades = (x_low * 0.8..x_high * 1.25).log_scale();
-            let log_head = 1.4 * (2.0 * y_high / y_low).powf(room);
-            match self.axes {
-                Axes::Logarithmic => {
-                    draw!(decades, (y_low * 0.7..y_high * log_head).log_scale())
-                }
-                Axes::LogarithmicX => draw!(decades, even),
-                Axes::Linear => draw!(x_low..x_high, even),
-            }
-            area.present().map_err(|e| failed(&e))?;
-        }
+        self.plot(&mut svg, size, &series, extents, f64::from(legend) / AXES)?;
         Ok(themed(&svg, size))
     }
+
+    /// Plots lines within the extents of both axes; `room` is the height of the legend over that of the plotted lines.
+    fn plot(
+        &self,
+        svg: &mut String,
+        size: (u32, u32),
+        series: &[Line<'_>],
+        [(x_low, x_high), (y_low, y_high)]: [(f64, f64); 2],
+        room: f64,
+    ) -> Result<(), LabError> {
+        let area = SVGBackend::with_string(svg, size).into_drawing_area();
+        let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
+        let mut builder = ChartBuilder::on(&area);
+        builder
+            .margin(8 * FINE)
+            .margin_right(18 * FINE)
+            .x_label_area_size(44 * FINE)
+            .y_label_area_size(70 * FINE);
+        let axis = ("sans-serif", TEXT * FINE).into_font().color(&INK);
+        macro_rules! draw {
+            ($x:expr, $y:expr) => {{
+                let mut chart = builder.build_cartesian_2d($x, $y).map_err(|e| failed(&e))?;
+                in_page_style(chart.configure_mesh(), &axis)
+                    .x_desc(self.x)
+                    .y_desc(self.y)
+                    .x_labels(7)
+                    .y_labels(6)
+                    .x_label_formatter(&|v| tick(*v, x_high - x_low))
+                    .y_label_formatter(&|v| tick(*v, y_high - y_low))
+                    .draw()
+                    .map_err(|e| failed(&e))?;
+                for (colour, name, points) in series {
+                    let colour = paint(*colour);
+                    let style = colour.stroke_width(2 * FINE);
+                    let drawn = chart
+                        .draw_series(LineSeries::new(points.iter().copied(), style))
+                        .map_err(|e| failed(&e))?;
+                    drawn.label(*name).legend(move |(x, y)| {
+                        PathElement::new([(x, y), (x + 18 * FINE as i32, y)], style)
+                    });
+                    // dots only if the points are few enough to be distinguished
+                    if self.axes == Axes::Logarithmic && points.len() < 100 {
+                        let dots =
+                            points.iter().map(|p| Circle::new(*p, 3 * FINE, colour.filled()));
+                        chart.draw_series(dots).map_err(|e| failed(&e))?;
+                    }
+                }
+                if series.len() > 1 {
+                    chart
+                        .configure_series_labels()
+                        .position(SeriesLabelPosition::UpperRight)
+                        .legend_area_size(24 * FINE)
+                        .label_font(axis.clone())
+                        .background_style(TRANSPARENT)
+                        .border_style(TRANSPARENT)
+                        .draw()
+                        .map_err(|e| failed(&e))?;
+                }
+            }};
+        }
+        let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
+        let even = y_low - pad..y_high + pad + room * (y_high - y_low + 2.0 * pad);
+        let decades = (x_low * 0.8..x_high * 1.25).log_scale();
+        let log_head = 1.4 * (2.0 * y_high / y_low).powf(room);
+        match self.axes {
+            Axes::Logarithmic => {
+                draw!(decades, (y_low * 0.7..y_high * log_head).log_scale())
+            }
+            Axes::LogarithmicX => draw!(decades, even),
+            Axes::Linear => draw!(x_low..x_high, even),
+        }
+        area.present().map_err(|e| failed(&e))
+    }
+}
+
+/// Colour, name and points of a line.
+type Line<'a> = (usize, &'a str, Vec<(f64, f64)>);
+
+/// A mesh with the colours and the font of the page.
+pub(super) fn in_page_style<'a, 'b, X: Ranged, Y: Ranged, DB: DrawingBackend>(
+    mut mesh: MeshStyle<'a, 'b, X, Y, DB>,
+    font: &TextStyle<'b>,
+) -> MeshStyle<'a, 'b, X, Y, DB> {
+    mesh.axis_style(INK.stroke_width(FINE))
+        .bold_line_style(GRID.stroke_width(FINE))
+        .light_line_style(TRANSPARENT)
+        .label_style(font.clone())
+        .axis_desc_style(font.clone());
+    mesh
 }
 
 /// Number as a label of an axis.

@@ -1,5 +1,10 @@
 //! Page of the study: all experiments of the paper.
 
+mod eigenfrequency;
+mod energy;
+mod tracking_errors;
+mod work_precision;
+
 use super::document::{Page, document};
 use super::drawing;
 use super::drawing_data::figure;
@@ -10,14 +15,16 @@ use crate::LabError;
 use crate::claims::{REMARK, REMARK_ON_PAPER};
 use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::sample::Sample;
-use crate::energy_audit::{Balance, PUMP_WORK};
-use crate::motion_test::{Row, Run, instability_remarks, remark_on_mark};
+use crate::motion_test::{Row, Run};
 use crate::study::{NOMINAL, OFF, Study, VIRTUAL};
-use crate::work_precision::{Excitation, Point};
+use eigenfrequency::eigenfrequencies;
+use energy::energy;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_math::Real;
 use maud::{Markup, html};
+use tracking_errors::tracking;
+use work_precision::precision;
 
 /// Results of the study as one self-contained HTML page.
 ///
@@ -94,60 +101,6 @@ fn claims(study: &Study) -> Markup {
     }
 }
 
-fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
-    let beside_paper = study.is_papers_crane;
-    let ringing = match &study.oscillation {
-        Some(seen) => {
-            let shown = seen.time.iter().zip(&seen.pressure_a).map(|(t, p)| (*t, p * 1e-5));
-            let series = Series::list([("p_A", shown.collect())]);
-            figure(
-                "Figure 17: the boom dropped onto its locked cylinder at 200 mm, with friction.",
-                &Figure { x: "time [s]", y: "p_A [bar]", series, axes: Axes::Linear }.drawn()?,
-            )
-        }
-        None => html! {},
-    };
-    Ok(html! {
-        h2 { @if beside_paper { "Table 5: e" } @else { "E" } "igenfrequencies, load-holding valve closed" }
-        div.wide { table {
-            thead { tr {
-                th { "x_cyl [mm]" } @if beside_paper { th { "paper, simulated [Hz]" } } th { "here, linearised [Hz]" }
-                @if beside_paper { th { "difference" } } th { "here, oscillation without friction [Hz]" }
-                th { "here, with friction [Hz]" } @if beside_paper { th { "paper, measured [Hz]" } }
-                @if study.virtual_eigenfrequency_hz.is_some() { th { "virtual crane [Hz]" } }
-            } }
-            tbody { @for (k, row) in study.eigenfrequency.iter().enumerate() { tr {
-                td { (format!("{:.0}", row.stroke_mm)) }
-                @if beside_paper { td { (optional(row.paper_simulated_hz, 2)) } }
-                td { (format!("{:.3}", row.linearised_hz)) }
-                @if beside_paper { td { (row.paper_simulated_hz.map_or(String::new(), |p| percent(row.linearised_hz / p - 1.0))) } }
-                td { (optional(row.frictionless_hz, 3)) }
-                td { (optional(row.oscillation_hz, 3)) }
-                @if beside_paper { td { (optional(row.paper_measured_hz, 2)) } }
-                @if let Some(hz) = study.virtual_eigenfrequency_hz { td { (format!("{:.3}", hz[k])) } }
-            } } }
-        } }
-        p.soft {
-            "Compared without friction, at a drop of 0.2 mm at the tip, with the trapped rod-side pressure of "
-            "the crane file. " @if beside_paper { "The boom's stiffness is calibrated to the paper's simulated values. " } "With friction "
-            "the drop is the crane file's; the frequency then differs, because friction dissipates within a few "
-            "periods while the oil's stiffness changes with the large pressure swing, and near rest the smoothed friction "
-            "is a stiff damper that all but locks the piston."
-        }
-        (ringing)
-        @match study.pressure_oscillation_hz {
-            Some(hz) => p {
-                "With the valve open, during the fast motion, p_A oscillates at " strong { (format!("{hz:.3} Hz")) }
-                @if let Some(paper) = study.paper_pressure_oscillation_hz {
-                    " (paper's simulation: " (format!("{paper:.3}")) " Hz, " (percent(hz / paper - 1.0)) "; nothing was fitted to it)"
-                }
-                "."
-            },
-            None => p { "The fast motion does not show two whole periods of an oscillation of p_A with the valve open." },
-        }
-    })
-}
-
 fn differences(study: &Study) -> Markup {
     let three = |v: f64| format!("{v:.3}");
     let some = |v: Option<f64>| optional(v, 3);
@@ -200,96 +153,6 @@ fn validation(study: &Study) -> Result<Markup, LabError> {
     let panels = validation::panels(simulated, run, "virtual crane")?;
     Ok(html! {
         h2 { "Figures 18 to 23: the published model beside the virtual crane" }
-        (panels)
-    })
-}
-
-/// RMS and peak error of a row.
-type RmsAndPeak = [fn(&Row) -> f64; 2];
-
-fn tracking(study: &Study) -> Result<Markup, LabError> {
-    let speeds: Vec<f64> = {
-        let mut speeds: Vec<f64> = study.motion.iter().map(|row| row.speed_mm_s).collect();
-        speeds.sort_by(f64::total_cmp);
-        speeds.dedup();
-        speeds
-    };
-    let plants: Vec<&str> = [NOMINAL, OFF, VIRTUAL]
-        .into_iter()
-        .filter(|plant| study.motion.iter().any(|row| row.plant == *plant))
-        .collect();
-    let find = |plant: &str, strategy: Strategy, speed: f64| {
-        study
-            .motion
-            .iter()
-            .find(|r| r.plant == plant && r.strategy == strategy && r.speed_mm_s == speed)
-    };
-    let cell =
-        |plant: &str, strategy, speed, of: fn(&Row) -> f64| match find(plant, strategy, speed) {
-            Some(row) => tracking::here(row, of(row)),
-            None => html! { td { "-" } },
-        };
-    let paper = |strategy, speed, of: fn(&Row) -> Option<f64>| {
-        optional(find(NOMINAL, strategy, speed).and_then(of), 2)
-    };
-    let fast = speeds.last().copied().unwrap_or_default();
-    let last = plants.last().copied().unwrap_or(NOMINAL);
-    let drawn = |strategy| study.run(last, strategy, fast);
-    let title = match last {
-        VIRTUAL => "virtual crane".into(),
-        other => format!("{other} plant"),
-    };
-    let mut columns: Vec<(&str, &str, RmsAndPeak)> = Vec::new();
-    for plant in &plants {
-        columns.push((plant, "true", [|r| r.error.rms_true_mm, |r| r.error.peak_true_mm]));
-        let mut rows = study.motion.iter().filter(|row| row.plant == *plant);
-        if !rows.all(|row| row.stopped.is_some() || row.error.is_measured_truly()) {
-            let measured: RmsAndPeak = [|r| r.error.rms_measured_mm, |r| r.error.peak_measured_mm];
-            columns.push((plant, "measured", measured));
-        }
-    }
-    let beside_paper = study.is_papers_crane;
-    let panels = tracking::panels(drawn, drawn(Strategy::VelocityFeedforward), &title)?;
-    Ok(html! {
-        h2 { @if beside_paper { "Tables 7 to 9: t" } @else { "T" } "racking errors" }
-        p.soft {
-            "RMS over the whole motion, the rest before and after included" @if beside_paper {
-                " (2 s; on the virtual crane calibrated, for the paper does not state its window)"
-            }
-            ", and the error of largest magnitude, x - x_ref. "
-            @if beside_paper { "The paper's values were measured on the real crane. " }
-            "Measured errors have the sensor's noise and the fieldbus's delay in them, "
-            "true ones are the piston's. Where there is one column for a plant, its sensors are ideal, and both are the same."
-        }
-        @for speed in &speeds {
-            h3 { (format!("{speed:.0} mm/s")) }
-            div.wide { table {
-                thead { tr {
-                    th { "strategy" }
-                    @if beside_paper { th { "RMS paper [mm]" } }
-                    @for (plant, name, _) in &columns { th { (format!("RMS {name} [mm], {plant}")) } }
-                    @if beside_paper { th { "peak paper [mm]" } }
-                    @for (plant, name, _) in &columns { th { (format!("peak {name} [mm], {plant}")) } }
-                } }
-                tbody { @for strategy in Strategy::ALL { tr {
-                    td { (strategy.name()) }
-                    @if beside_paper { td { (paper(strategy, *speed, |r| r.paper_rms_mm)) } }
-                    @for (plant, _, [rms, _]) in &columns { (cell(plant, strategy, *speed, *rms)) }
-                    @if beside_paper { td { (paper(strategy, *speed, |r| r.paper_peak_mm)) } }
-                    @for (plant, _, [_, peak]) in &columns { (cell(plant, strategy, *speed, *peak)) }
-                } } }
-            } }
-        }
-        @if let Some(remark) = remark_on_mark(&study.motion) { p.soft { (remark) } }
-        @for remark in instability_remarks(&study.motion).iter().chain(&study.unstable_loops()) {
-            p { strong { (remark) } "." }
-        }
-        @if let Some(remark) = &study.remark_on_gains { p { strong { (remark) } "." } }
-        p {
-            "On the nominal plant the open-loop simulation feedforward repeats the benchmark's closed loop, "
-            "because plant and simulation are the same: that column says nothing about a real crane. "
-            "On the others nothing corrects the model's error of their pump."
-        }
         (panels)
     })
 }
@@ -383,119 +246,6 @@ fn pressures(study: &Study) -> Result<Markup, LabError> {
         h2 { "Pressures" }
         (figure("High-pressure side under velocity feedforward at the fast speed, nominal plant.", &high.drawn()?))
         (figure("Low-pressure side, likewise: rod side, pump port and accumulator.", &low.drawn()?))
-    })
-}
-
-fn energy(study: &Study) -> Result<Markup, LabError> {
-    let drawn = match study.energy.audits.last() {
-        Some(audit) => {
-            let over =
-                |of: fn(&Balance) -> f64| audit.trace.iter().map(|b| (b.time, of(b))).collect();
-            let series = Series::list([
-                ("pump work, net", over(|b| b.work)),
-                ("losses", over(|b| b.losses)),
-                ("stored, gained", over(|b| b.gained.total())),
-                ("of it gravitational", over(|b| b.gained.gravitational)),
-            ]);
-            let y = "energy since the start [J]";
-            let svg = Figure { x: "time [s]", y, series, axes: Axes::Linear }.drawn()?;
-            figure(
-                "Energy over the fast cycle: what is stored is the net pump work less the losses.",
-                &svg,
-            )
-        }
-        None => html! {},
-    };
-    Ok(html! {
-        h2 { "Energy" }
-        (drawn)
-        p.soft {
-            "One fast cycle under velocity feedforward: change of stored energy against the net pump work, all "
-            "losses, and the mass defects of equations that conserve volume and not mass. " (PUMP_WORK) " "
-            "The residual is the implicit scheme's own error and shrinks with its step."
-        }
-        div.wide { table {
-            thead { tr {
-                th { "step [us]" } th { "change [J]" } th { "pump work [J]" } th { "losses [J]" }
-                th { "defects [J]" } th { "exchanged [J]" } th { "residual / exchanged" }
-            } }
-            tbody { @for a in &study.energy.audits { tr {
-                td { (format!("{:.0}", a.step_us)) } td { (format!("{:.2}", a.change_j)) }
-                td { (format!("{:.2}", a.work_j)) } td { (format!("{:.2}", a.losses_j)) }
-                td { (format!("{:.2}", a.defects_j)) } td { (format!("{:.1}", a.exchanged_j)) }
-                td { (format!("{:.1e}", a.relative_residual)) }
-            } } }
-        } }
-        p.soft {
-            "What the time step itself adds to the lowest mode, on the same crane without any loss and "
-            "with its load held: from the eigenvalues of one step's derivative."
-        }
-        div.wide { table {
-            thead { tr { th { "scheme" } th { "step [us]" } th { "damping ratio" } th { "frequency error" } th { "order" } } }
-            tbody { @for s in &study.energy.numerical_damping { tr {
-                td { (s.scheme) } td { (format!("{:.0}", s.step_us)) }
-                td { (format!("{:.1e}", s.damping_ratio)) }
-                td { (format!("{:.1e}", s.frequency_error)) } td { (optional(s.order, 2)) }
-            } } }
-        } }
-        @if let Some(a) = study.energy.audits.last() {
-            details { summary { "Each power's share" }
-                table { tbody { @for (name, energy) in &a.by_name_j {
-                    tr { td { (name.replace('_', " ")) } td { (format!("{energy:.3} J")) } }
-                } } }
-            }
-        }
-    })
-}
-
-/// Pressure error of a scheme with a step under an excitation \[bar\].
-fn error_at(study: &Study, excitation: Excitation, like: &Point) -> String {
-    let is = |p: &&Point| {
-        p.excitation == excitation && p.scheme == like.scheme && p.step_us == like.step_us
-    };
-    match study.work_precision.iter().find(is).map(|p| p.pressure_error_bar) {
-        Some(bar) if bar.is_finite() => format!("{bar:.2e}"),
-        Some(_) => "diverges".into(),
-        None => "-".into(),
-    }
-}
-
-fn precision(study: &Study) -> Result<Markup, LabError> {
-    let of_motion = |p: &&Point| p.excitation == Excitation::Motion;
-    let series = |x: fn(&Point) -> f64| -> Vec<Series<'_>> {
-        let of = |name: &str| {
-            let points = study.work_precision.iter().filter(of_motion).filter(|p| p.scheme == name);
-            points.map(|p| (x(p), p.pressure_error_bar)).collect()
-        };
-        Series::list(["published", "implicit", "runge-kutta-4"].map(|name| (name, of(name))))
-    };
-    let y = "largest error of p_A [bar]";
-    let steps =
-        Figure { x: "step [us]", y, series: series(|p| p.step_us), axes: Axes::Logarithmic };
-    let times = Figure {
-        x: "computing time per simulated second [ms]",
-        y,
-        series: series(|p| p.time_ms_per_s),
-        axes: Axes::Logarithmic,
-    };
-    Ok(html! {
-        h2 { "Work and precision" }
-        p.soft {
-            "The first two seconds of the fast motion against Runge-Kutta steps of 1 us, without substeps. "
-            "Points that diverged are left out. An error is that of these conditions: where the motor's speed steps, it is larger."
-        }
-        div.wide { table {
-            thead { tr {
-                th { "scheme" } th { "step [us]" }
-                @for excitation in Excitation::ALL { th { "largest error of p_A [bar], " (excitation.name()) } }
-            } }
-            tbody { @for p in study.work_precision.iter().filter(of_motion).filter(|p| p.step_us >= 20.0) { tr {
-                td { (p.scheme) } td { (format!("{:.0}", p.step_us)) }
-                @for excitation in Excitation::ALL { td { (error_at(study, excitation, p)) } }
-            } } }
-        } }
-        (figure("Largest error of p_A over the step size: a line twice as steep is an order more.", &steps.drawn()?))
-        (figure("The same over computing time: lower left is better.", &times.drawn()?))
     })
 }
 

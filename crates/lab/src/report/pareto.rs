@@ -1,7 +1,7 @@
 //! Error over effort: a mark per controller with bars over the family.
 
 use super::drawing_data::{Drawing, rows_as_csv};
-use super::figure::{FINE, GRID, INK, number, themed, tick};
+use super::figure::{FINE, INK, in_page_style, number, themed, tick};
 use super::palette::{COLOURS, paint};
 use crate::LabError;
 use crate::closed_loop::monte_carlo::Percentiles;
@@ -95,13 +95,7 @@ impl Pareto<'_> {
                 .y_label_area_size(70 * FINE)
                 .build_cartesian_2d(x_low - pad..x_high + pad, range)
                 .map_err(|e| failed(&e))?;
-            chart
-                .configure_mesh()
-                .axis_style(INK.stroke_width(FINE))
-                .bold_line_style(GRID.stroke_width(FINE))
-                .light_line_style(TRANSPARENT)
-                .label_style(font.clone())
-                .axis_desc_style(font.clone())
+            in_page_style(chart.configure_mesh(), &font)
                 .x_desc(self.effort)
                 .y_desc(self.error)
                 .x_labels(6)

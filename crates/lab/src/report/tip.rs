@@ -2,7 +2,7 @@
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, lines_as_csv};
-use super::figure::{FINE, GRID, INK, number, themed};
+use super::figure::{FINE, INK, in_page_style, number, themed};
 use super::palette::COLOURS;
 use crate::LabError;
 use crate::closed_loop::tip_accuracy::{Method, TipAccuracy, TipInstant};
@@ -114,13 +114,7 @@ fn draw(
         .y_label_area_size(64 * FINE)
         .build_cartesian_2d(times.clone(), low - pad..high + head)
         .map_err(|e| failed(&e))?;
-    chart
-        .configure_mesh()
-        .axis_style(INK.stroke_width(FINE))
-        .bold_line_style(GRID.stroke_width(FINE))
-        .light_line_style(TRANSPARENT)
-        .label_style(font.clone())
-        .axis_desc_style(font.clone())
+    in_page_style(chart.configure_mesh(), &font)
         .x_desc(x)
         .y_desc(y)
         .x_labels(10)

@@ -17,8 +17,9 @@ mod times;
 
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
+use crate::recording::Recording;
 use crate::time_column::TimeColumn;
-use columns::Kind;
+use columns::{Column, Kind};
 use lines::{Lines, text};
 use rows::Rows;
 use std::fs::File;
@@ -45,13 +46,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
         let reason = "it is no text: CSV, MAT, MDF 4 and MCAP files are read";
         return Err(format(reason.into()));
     };
-    let mut first: Vec<String> = Vec::new();
-    let mut bytes = 0;
-    while first.len() < FIRST_LINES && bytes < FIRST_BYTES {
-        let Some(line) = lines.next().map_err(failed)? else { break };
-        bytes += line.len();
-        first.push(text(line).into_owned());
-    }
+    let first = first_lines(&mut lines).map_err(failed)?;
     if first.iter().all(|line| line.trim().is_empty()) {
         return Err(empty("it is empty".into()));
     }
@@ -68,15 +63,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
         remarks.push("it is in UTF-16".into());
     }
     let columns = columns::columns(&style, &mut remarks);
-    let words: Vec<&str> =
-        columns.iter().filter(|c| c.kind == Kind::Text).map(|c| c.heading.as_str()).collect();
-    if !words.is_empty() {
-        let more = words.len().saturating_sub(MOST_LISTED);
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        let named: Vec<String> =
-            words.iter().take(MOST_LISTED).map(|w| format!("\"{w}\"")).collect();
-        remarks.push(format!("columns of text are left out: {}{more}", named.join(", ")));
-    }
+    remarks.extend(remark_on_text(&columns));
     let bases = Times { file: &file, style: &style, columns: &columns, wanted: time }
         .bases(&mut remarks)?;
     let found = found(&columns, &bases);
@@ -97,23 +84,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     let is_relative = rows.origin.zero.is_some();
     remarks.extend(rows.remarks());
     let (count, bases) = rows.finish();
-    let mut channels = Vec::new();
-    for (members, recording) in bases {
-        let recorded = recording.finish(&file, "line")?;
-        remarks.extend(recorded.remarks);
-        if recorded.time.len() < 2 {
-            continue;
-        }
-        let (time, breaks): (Arc<[f64]>, Arc<[usize]>) =
-            (recorded.time.into(), recorded.breaks.into());
-        for (column, values) in members.iter().map(|c| &columns[*c]).zip(recorded.columns) {
-            if column.kind == Kind::Number {
-                let channel =
-                    Channel::of(column.read.clone(), &column.heading, Arc::clone(&time), values);
-                channels.push(channel.broken_at(Arc::clone(&breaks)));
-            }
-        }
-    }
+    let channels = channels(&file, &columns, bases, &mut remarks)?;
     if channels.is_empty() {
         return Err(empty(match count {
             0 => "there are no rows of numbers".to_string(),
@@ -130,8 +101,60 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     Ok(Measurement { name: file, channels, remarks, time: found })
 }
 
+/// The lines from which the format is detected.
+fn first_lines(lines: &mut Lines) -> std::io::Result<Vec<String>> {
+    let mut first: Vec<String> = Vec::new();
+    let mut bytes = 0;
+    while first.len() < FIRST_LINES && bytes < FIRST_BYTES {
+        let Some(line) = lines.next()? else { break };
+        bytes += line.len();
+        first.push(text(line).into_owned());
+    }
+    Ok(first)
+}
+
+/// Remark on columns of text, if there are any.
+fn remark_on_text(columns: &[Column]) -> Option<String> {
+    let words: Vec<&str> =
+        columns.iter().filter(|c| c.kind == Kind::Text).map(|c| c.heading.as_str()).collect();
+    if words.is_empty() {
+        return None;
+    }
+    let more = words.len().saturating_sub(MOST_LISTED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let named: Vec<String> = words.iter().take(MOST_LISTED).map(|w| format!("\"{w}\"")).collect();
+    Some(format!("columns of text are left out: {}{more}", named.join(", ")))
+}
+
+/// Channels of numbers of each time base with two times or more.
+fn channels(
+    file: &str,
+    columns: &[Column],
+    bases: Vec<(Vec<usize>, Recording)>,
+    remarks: &mut Vec<String>,
+) -> Result<Vec<Channel>, MeasurementError> {
+    let mut channels = Vec::new();
+    for (members, recording) in bases {
+        let recorded = recording.finish(file, "line")?;
+        remarks.extend(recorded.remarks);
+        if recorded.time.len() < 2 {
+            continue;
+        }
+        let (time, breaks): (Arc<[f64]>, Arc<[usize]>) =
+            (recorded.time.into(), recorded.breaks.into());
+        for (column, values) in members.iter().map(|c| &columns[*c]).zip(recorded.columns) {
+            if column.kind == Kind::Number {
+                let channel =
+                    Channel::of(column.read.clone(), &column.heading, Arc::clone(&time), values);
+                channels.push(channel.broken_at(Arc::clone(&breaks)));
+            }
+        }
+    }
+    Ok(channels)
+}
+
 /// The time column, if all columns share one.
-fn found(columns: &[columns::Column], bases: &[times::Base]) -> Option<TimeColumn> {
+fn found(columns: &[Column], bases: &[times::Base]) -> Option<TimeColumn> {
     let [base] = bases else { return None };
     match base.source {
         Source::Number { column, factor, .. } => {

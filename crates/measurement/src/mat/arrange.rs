@@ -1,7 +1,7 @@
 //! Assignment of a MAT file's variables to the times that they were sampled at.
 
 use super::simulink::{numbered, numbered_from, recording, structure_with_time};
-use super::value::{Matrix, Room, Value, Variable};
+use super::value::{Matrix, Room, Structure, Value, Variable};
 use crate::heading::Heading;
 use crate::path;
 use crate::sampled::{Column, Samples};
@@ -48,13 +48,9 @@ impl Arranged {
         around: &[Time<'a>],
         wanted: Option<&str>,
     ) {
-        let path = |name: &str| match prefix.is_empty() {
-            true => name.to_string(),
-            false => format!("{prefix}.{name}"),
-        };
         let is_time = |name: &str, matrix: &Matrix| match wanted {
             _ if !matrix.is_vector() => false,
-            Some(wanted) => name == wanted || path(name) == wanted,
+            Some(wanted) => name == wanted || within(prefix, name) == wanted,
             None => Heading::parse(name).is_named_as_time() || name.eq_ignore_ascii_case("datenum"),
         };
         let mut times: Vec<Time<'a>> = Vec::new();
@@ -62,7 +58,7 @@ impl Arranged {
         for (name, value) in &entries {
             match value {
                 Value::Numbers(matrix) if is_time(name, matrix) => {
-                    times.push(Time { path: path(name), values: &matrix.values });
+                    times.push(Time { path: within(prefix, name), values: &matrix.values });
                 }
                 Value::Numbers(matrix) => matrices.push((name, matrix)),
                 _ => {}
@@ -71,7 +67,30 @@ impl Arranged {
         self.has_wanted |= !times.is_empty();
         let own = times.len();
         times.extend(around.iter().cloned());
-        self.names.extend(matrices.iter().map(|(name, _)| path(name)));
+        self.names.extend(matrices.iter().map(|(name, _)| within(prefix, name)));
+        let others = self.assign(prefix, matrices, (&times, own), wanted);
+        self.remark_on_omitted(&others, &times);
+        for (name, value) in entries {
+            let path = within(prefix, name);
+            match value {
+                Value::Structure(structure) => self.structure(&path, structure, &times, wanted),
+                Value::Unread(what) => {
+                    self.remarks.push(format!("{path} is {what}, which is not read"));
+                }
+                Value::Numbers(_) | Value::Text(_) => {}
+            }
+        }
+    }
+
+    /// Assigns arrays to the first time of their length; returns those that have none. The first `own` times are those
+    /// of the scope itself.
+    fn assign<'a>(
+        &mut self,
+        prefix: &str,
+        matrices: Vec<(&str, &'a Matrix)>,
+        (times, own): (&[Time<'_>], usize),
+        wanted: Option<&str>,
+    ) -> Vec<(String, &'a Matrix)> {
         let mut groups: Vec<Vec<Column>> = times.iter().map(|_| Vec::new()).collect();
         let mut same_lengths: Vec<(usize, usize)> = Vec::new();
         let mut others = Vec::new();
@@ -79,7 +98,7 @@ impl Arranged {
             // a structure of only Time and Data is itself the signal
             let heading = match name.eq_ignore_ascii_case("data") && !prefix.is_empty() {
                 true => prefix.to_string(),
-                false => path(name),
+                false => within(prefix, name),
             };
             let fits = |k: &usize| {
                 let samples = times[*k].values.len();
@@ -118,41 +137,38 @@ impl Arranged {
             let time = Column::new(&time.path, time.values.to_vec());
             self.samples.push(Samples { time, columns });
         }
-        self.say_what_is_left_out(&others, &times);
-        for (name, value) in entries {
-            let path = path(name);
-            match value {
-                Value::Structure(structure) => {
-                    if let Some(samples) =
-                        structure_with_time(&path, structure, &mut self.room, &mut self.remarks)
-                    {
-                        self.samples
-                            .extend([samples].into_iter().filter(|s| !s.columns.is_empty()));
-                    } else if let Some(all) =
-                        recording(&path, structure, &mut self.room, &mut self.remarks)
-                    {
-                        self.samples.extend(all.into_iter().filter(|s| !s.columns.is_empty()));
-                    } else {
-                        for k in 0..structure.count {
-                            let prefix = match structure.count {
-                                1 => path.clone(),
-                                _ => format!("{path}({})", k + 1),
-                            };
-                            let fields = structure.fields.iter();
-                            let fields = fields.filter_map(|(f, v)| Some((f.as_str(), v.get(k)?)));
-                            self.scope(&prefix, fields.collect(), &times, wanted);
-                        }
-                    }
-                }
-                Value::Unread(what) => {
-                    self.remarks.push(format!("{path} is {what}, which is not read"));
-                }
-                Value::Numbers(_) | Value::Text(_) => {}
-            }
+        others
+    }
+
+    /// A structure: a Simulink export, or a scope of its own.
+    fn structure<'a>(
+        &mut self,
+        path: &str,
+        structure: &'a Structure,
+        times: &[Time<'a>],
+        wanted: Option<&str>,
+    ) {
+        let found = structure_with_time(path, structure, &mut self.room, &mut self.remarks);
+        if let Some(samples) = found {
+            self.samples.extend([samples].into_iter().filter(|s| !s.columns.is_empty()));
+            return;
+        }
+        if let Some(all) = recording(path, structure, &mut self.room, &mut self.remarks) {
+            self.samples.extend(all.into_iter().filter(|s| !s.columns.is_empty()));
+            return;
+        }
+        for k in 0..structure.count {
+            let prefix = match structure.count {
+                1 => path.to_string(),
+                _ => format!("{path}({})", k + 1),
+            };
+            let fields = structure.fields.iter();
+            let fields = fields.filter_map(|(f, v)| Some((f.as_str(), v.get(k)?)));
+            self.scope(&prefix, fields.collect(), times, wanted);
         }
     }
 
-    fn say_what_is_left_out(&mut self, others: &[(String, &Matrix)], times: &[Time<'_>]) {
+    fn remark_on_omitted(&mut self, others: &[(String, &Matrix)], times: &[Time<'_>]) {
         let parameters = others.iter().filter(|(_, m)| m.values.len() <= 1).count();
         for (heading, matrix) in others.iter().filter(|(_, m)| m.values.len() > 1) {
             let shape: Vec<String> = matrix.dimensions.iter().map(usize::to_string).collect();
@@ -171,6 +187,14 @@ impl Arranged {
             self.remarks
                 .push(format!("{parameters} single numbers are no signals and are left out"));
         }
+    }
+}
+
+/// Path of a variable or field in a scope; the file's own has no name.
+fn within(scope: &str, name: &str) -> String {
+    match scope.is_empty() {
+        true => name.to_string(),
+        false => format!("{scope}.{name}"),
     }
 }
 

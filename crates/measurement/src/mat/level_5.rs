@@ -51,7 +51,7 @@ pub(super) fn read(
             return Ok(variables);
         }
         if tag.len() < 8 {
-            return up_to_there(variables, "cut off", remarks);
+            return variables_before_damage(variables, "cut off", remarks);
         }
         let (kind, size) = (order.integer(&tag), u64::from(order.integer(&tag[4..])));
         if size > LARGEST_ELEMENT {
@@ -78,13 +78,13 @@ pub(super) fn read(
             Ok(variable) if variable.name.is_empty() => {}
             Ok(variable) => variables.push(variable),
             Err(damage) if damage == too_large() => return Err(damage),
-            Err(damage) => return up_to_there(variables, &damage, remarks),
+            Err(damage) => return variables_before_damage(variables, &damage, remarks),
         }
     }
 }
 
 /// The variables before the damaged one.
-fn up_to_there(
+fn variables_before_damage(
     variables: Vec<Variable>,
     damage: &str,
     remarks: &mut Vec<String>,

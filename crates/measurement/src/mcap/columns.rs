@@ -153,8 +153,10 @@ impl<'a> Log<'a> {
         for table in &self.tables {
             let is_alone = self.tables.iter().filter(|t| t.topic == table.topic).count() == 1;
             match is_alone {
-                true => table.say(&table.topic, &mut remarks),
-                false => table.say(&format!("{} ({})", table.topic, table.schema), &mut remarks),
+                true => table.add_remarks(&table.topic, &mut remarks),
+                false => {
+                    table.add_remarks(&format!("{} ({})", table.topic, table.schema), &mut remarks)
+                }
             }
         }
         if self.clock.is_far() {

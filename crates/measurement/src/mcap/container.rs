@@ -157,16 +157,7 @@ pub fn messages(
         match code {
             code::CHUNK => reader.chunk(&record)?,
             code::DATA_END => {
-                let stated = Fields(&record).u32().unwrap_or(0);
-                let is_damaged = stated != 0 && stated != crc.finalize();
-                // damaged chunks are reported already; chunks with a valid checksum are sound
-                if is_damaged && reader.has_unchecked {
-                    return Err(Stop::Format(
-                        "its checksum does not match its messages: some of them are damaged, and cannot be told from \
-                         the others"
-                            .into(),
-                    ));
-                }
+                reader.check(&record, crc.finalize())?;
                 break;
             }
             code::FOOTER => break,
@@ -225,6 +216,20 @@ struct Reader<F> {
 }
 
 impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
+    /// Compares the checksum that the data's end states with that of the data read.
+    fn check(&self, record: &[u8], found: u32) -> Result<(), Stop> {
+        let stated = Fields(record).u32().unwrap_or(0);
+        // damaged chunks are reported already; chunks with a valid checksum are sound
+        if stated != 0 && stated != found && self.has_unchecked {
+            return Err(Stop::Format(
+                "its checksum does not match its messages: some of them are damaged, and cannot be told from \
+                 the others"
+                    .into(),
+            ));
+        }
+        Ok(())
+    }
+
     fn record(&mut self, code: u8, data: &[u8]) -> Result<(), Stop> {
         match code {
             code::SCHEMA => {

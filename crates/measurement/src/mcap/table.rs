@@ -155,7 +155,7 @@ impl Table {
     }
 
     /// Adds remarks about the parts left out; `topic` is the name for the messages.
-    pub(super) fn say(&self, topic: &str, remarks: &mut Vec<String>) {
+    pub(super) fn add_remarks(&self, topic: &str, remarks: &mut Vec<String>) {
         if let Some(remark) = self.scale.as_ref().and_then(|s| s.remark.as_ref()) {
             remarks.push(format!("{topic}: {remark}"));
         }

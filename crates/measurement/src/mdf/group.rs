@@ -295,7 +295,7 @@ impl Group {
     }
 
     /// Adds remarks about the parts left out.
-    pub(super) fn say(&self, is_unfinished: bool, remarks: &mut Vec<String>) {
+    pub(super) fn add_remarks(&self, is_unfinished: bool, remarks: &mut Vec<String>) {
         let name = match (self.name.is_empty(), self.fields.first()) {
             (false, _) => self.name.clone(),
             (true, Some(field)) => format!("the group of {}", field.heading),

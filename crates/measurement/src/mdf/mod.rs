@@ -65,7 +65,7 @@ pub(crate) fn read(
     {
         return Err(wrong(reason));
     }
-    groups.iter().for_each(|g| g.say(is_unfinished, &mut remarks));
+    groups.iter().for_each(|g| g.add_remarks(is_unfinished, &mut remarks));
     let mut assembly = Assembly::new(&file, None, remarks);
     for group in groups.into_iter().filter(|g| g.is_wanted() && g.refused.is_none()) {
         let headings = group.fields.into_iter().map(|f| (f.heading, f.read)).collect();

@@ -9,6 +9,8 @@ use hydroboom_math::Real;
 
 /// Periods for which the last good value stands in for one that is not plausible.
 const BORNE: f64 = 1.0;
+/// Time that a controller has until it could take over, before the pump turns \[s\].
+const READY_TIME: f64 = 20.0;
 
 fn number<T: Real>(cause: Cause) -> T {
     T::lit(cause.number())
@@ -34,16 +36,32 @@ impl<T: Real> Frame<T> {
         now: &FrameInput<T>,
         reference: &SetPoint<T>,
     ) -> Wrong<T> {
-        let l = &self.limits;
         let was = &before.memory;
-        let zero = T::zero();
-        let borne = T::lit(BORNE + 0.5);
-        let mut wrong = Wrong(zero);
-        let follows = at.releasing | at.opening | at.controlling;
-        wrong.found(follows & borne.lt(s.memory.bad_reference), Cause::ReferenceImplausible);
+        let mut wrong = Wrong(T::zero());
+        self.monitor_course(at, &s.memory, now, reference, &mut wrong);
+        // from here on the load is held at once
+        self.monitor_load(at, was, s, now, &mut wrong);
+        let has_uncommanded_speed = self.monitor_valve_and_drive(at, was, s, now, &mut wrong);
+        self.monitor_measurements(&s.memory, now, &mut wrong);
+        // nothing that the frame commands stops such a drive
+        wrong.found(has_uncommanded_speed, Cause::DriveUncommanded);
+        wrong
+    }
 
-        // a controlled stop ends before the end stop
-        let v = s.memory.velocity;
+    /// Reference, course, end stops and pressures: a controlled stop ends before the end stop.
+    fn monitor_course(
+        &self,
+        at: &Phases<T>,
+        s: &FrameMemory<T>,
+        now: &FrameInput<T>,
+        reference: &SetPoint<T>,
+        wrong: &mut Wrong<T>,
+    ) {
+        let l = &self.limits;
+        let borne = T::lit(BORNE + 0.5);
+        let follows = at.releasing | at.opening | at.controlling;
+        wrong.found(follows & borne.lt(s.bad_reference), Cause::ReferenceImplausible);
+        let v = s.velocity;
         let margin = l.end_margin.max(v.abs() * l.stopping_time);
         let touches = l.creep / l.still_time;
         let is_low = now.stroke.lt(margin) & v.lt(-touches);
@@ -52,14 +70,24 @@ impl<T: Real> Frame<T> {
         let off = (now.stroke - reference.position).abs();
         wrong.found(at.controlling & l.tracking.lt(off), Cause::TrackingError);
         let pressures = [now.pressure_pump_a, now.pressure_a, now.pressure_b, now.pressure_pump_b];
-        let highest = pressures.into_iter().fold(zero, |most, p| most.max(p));
+        let highest = pressures.into_iter().fold(T::zero(), |most, p| most.max(p));
         wrong.found(l.pressure.lt(highest), Cause::OverPressure);
+    }
 
-        // from here on the load is held at once
+    /// The load: carried by the pump side, released, held, sinking, and running away.
+    fn monitor_load(
+        &self,
+        at: &Phases<T>,
+        was: &FrameMemory<T>,
+        s: &mut FrameState<T>,
+        now: &FrameInput<T>,
+        wrong: &mut Wrong<T>,
+    ) {
+        let l = &self.limits;
         let [pump, load, ..] = self.sides(now);
         let has_opened = is_set(was.holding_valve) & l.valve_time.lt(s.memory.valve_since);
         let apart = has_opened & l.pressure_agreement.lt((pump - load).abs());
-        s.memory.disagreeing = T::select(apart, was.disagreeing + l.period, zero);
+        s.memory.disagreeing = T::select(apart, was.disagreeing + l.period, T::zero());
         wrong.found(l.agreement_time.lt(s.memory.disagreeing), Cause::PressureDisagrees);
         for refusal in Refusal::ALL {
             let is = (s.release.phase - T::lit(refusal.phase())).abs().lt(T::lit(0.5));
@@ -77,7 +105,20 @@ impl<T: Real> Frame<T> {
         let lifted = (self.release.largest_motion + l.creep).lt(self.release.direction * moved);
         wrong.found(crept | moves | (at.releasing & (sank | lifted)), Cause::LoadNotHeld);
         wrong.found(at.opening & sank, Cause::LoadSank);
+        let v = s.memory.velocity;
         wrong.found((T::lit(RUNAWAY) * l.speed).lt(v.abs()), Cause::Runaway);
+    }
+
+    /// Load-holding valve and drive against what they are commanded; whether the drive turns uncommanded.
+    fn monitor_valve_and_drive(
+        &self,
+        at: &Phases<T>,
+        was: &FrameMemory<T>,
+        s: &mut FrameState<T>,
+        now: &FrameInput<T>,
+        wrong: &mut Wrong<T>,
+    ) -> T::Mask {
+        let l = &self.limits;
         // below -0.5 it is not read; what is no number is neither open nor shut
         let is_open = is_set(now.valve_state);
         let is_shut = T::lit(-0.5).lt(now.valve_state) & now.valve_state.lt(T::lit(0.5));
@@ -95,9 +136,13 @@ impl<T: Real> Frame<T> {
         );
         let acts = at.releasing | at.opening | at.controlling | at.stopping;
         wrong.found(acts & drive.deviates, Cause::DriveNotFollowing);
+        drive.uncommanded
+    }
 
-        // the measurements themselves
-        let m = &s.memory;
+    /// The measurements themselves: stuck, or implausible for too long.
+    fn monitor_measurements(&self, m: &FrameMemory<T>, now: &FrameInput<T>, wrong: &mut Wrong<T>) {
+        let l = &self.limits;
+        let zero = T::zero();
         let stuck = |time: T, value: T| l.stuck.lt(time) & value.lt(l.pressure);
         let is_stuck = stuck(m.stroke_repeated, zero)
             | stuck(m.pressure_pump_a_repeated, now.pressure_pump_a)
@@ -105,13 +150,26 @@ impl<T: Real> Frame<T> {
             | stuck(m.pressure_b_repeated, now.pressure_b)
             | stuck(m.pressure_pump_b_repeated, now.pressure_pump_b);
         wrong.found(zero.lt(l.stuck) & is_stuck, Cause::SensorStuck);
-        let lost = borne.lt(m.bad);
+        let lost = T::lit(BORNE + 0.5).lt(m.bad);
         wrong.found(lost, Cause::MotorSpeedImplausible);
         wrong.found(lost & is_set(m.bad_pressure), Cause::PressureImplausible);
         wrong.found(lost & is_set(m.bad_position), Cause::PositionImplausible);
-        // nothing that the frame commands stops such a drive
-        wrong.found(drive.uncommanded, Cause::DriveUncommanded);
-        wrong
+    }
+
+    /// A release that waits in vain: for a controller that could take over, or for a load at rest. `runs` holds
+    /// where it waits no more.
+    pub(super) fn monitor_readiness(
+        &self,
+        at: &Phases<T>,
+        was: &FrameMemory<T>,
+        s: &FrameMemory<T>,
+        runs: T::Mask,
+        wrong: &mut Wrong<T>,
+    ) {
+        let is_late = T::lit(READY_TIME).lt(s.since);
+        let is_still = self.limits.still_time.lt(was.still_for);
+        wrong.found(at.releasing & !runs & is_late, Cause::ControllerInvalid);
+        wrong.found(at.releasing & !runs & is_late & !is_still, Cause::LoadNotStill);
     }
 
     /// Difference of the piston's mean positions over this period of the load mode and the one before \[m\], in the
