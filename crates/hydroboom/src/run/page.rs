@@ -1,7 +1,7 @@
 //! Report page of a run.
 
+use super::course_result::CourseResult;
 use super::report::{SENSORS_ONLY, known};
-use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::metrics::TrackingError;

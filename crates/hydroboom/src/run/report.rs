@@ -1,7 +1,7 @@
 //! Report of a run as text and JSON.
 
 use super::attachment::AttachmentResult;
-use super::watch::CourseResult;
+use super::course_result::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_description::Description;
@@ -25,7 +25,7 @@ pub struct Report<'a> {
     /// Deadline statistics.
     pub real_time: Option<&'a RealTime>,
     /// Result of the attachment of a machine.
-    pub bus: Option<&'a AttachmentResult>,
+    pub attachment: Option<&'a AttachmentResult>,
 }
 
 /// End of a course.
@@ -74,7 +74,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "plant": self.cranes.json(), "attachment": self.bus.map(AttachmentResult::json),
+            "plant": self.cranes.json(), "attachment": self.attachment.map(AttachmentResult::json),
         })
     }
 
@@ -118,30 +118,30 @@ impl Report<'_> {
         }
         let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
         let header = ["course", rms_true, rms_measured, peak_true, peak_measured, "ended"];
-        let mut said = format!(
+        let mut text = format!(
             "Tracking error x - x_ref on \"{}\"\n{}",
             self.cranes.name(),
             output::table(&header, &rows)
         );
-        if self.real_time.is_some() || self.bus.is_some() {
-            said += &format!("\n{SENSORS_ONLY}");
+        if self.real_time.is_some() || self.attachment.is_some() {
+            text += &format!("\n{SENSORS_ONLY}");
         }
-        if let Some(bus) = self.bus {
-            said += &format!("\n{}", bus.text());
+        if let Some(attachment) = self.attachment {
+            text += &format!("\n{}", attachment.text());
         }
         if let Some(equality) = self.cranes.equality() {
-            said += &format!("\n{equality}");
+            text += &format!("\n{equality}");
         }
         if let Some(drift) = self.drift() {
-            said += &format!("\n{drift}");
+            text += &format!("\n{drift}");
         }
         if self.synchronised > 0 {
-            said += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
+            text += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
         }
         if let Some(real_time) = self.real_time {
-            said += &timing_table(&self.cranes.model, real_time);
+            text += &timing_table(&self.cranes.model, real_time);
         }
-        said
+        text
     }
 
     /// Remark on a growth over many courses.
@@ -170,22 +170,22 @@ impl Report<'_> {
 
 /// Further remarks on the deadlines.
 pub fn remarks(r: &RealTime) -> String {
-    let mut said = String::from(
+    let mut text = String::from(
         "Execution is the thread's time on its processor; the time of other threads is separate. The simulation \
          has core 1; the control task shares core 0 with the machine's process, the log and everything else.",
     );
     match r.stolen {
         Some([simulation, control]) => {
-            said += &format!(
+            text += &format!(
                 " The hypervisor reports that it took {:.0} ms from the simulation's core and {:.0} ms from \
                  control's.",
                 simulation * 1e3,
                 control * 1e3
             );
         }
-        None => said += " The kernel does not report the time taken by a hypervisor.",
+        None => text += " The kernel does not report the time taken by a hypervisor.",
     }
-    said
+    text
 }
 
 fn timing_json(t: &Timing) -> serde_json::Value {
@@ -229,7 +229,7 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
     ];
     let table =
         output::table(&header, &[row("simulation", &r.simulation), row("control", &r.control)]);
-    let mut said = format!(
+    let mut text = format!(
         "\n\nDeadlines on {}\n{table}\n{} The paper ran both tasks at {:.0} us and {:.0} us on its IPC and \
          prints no execution times.",
         processor(),
@@ -238,15 +238,15 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
         model.numbers.control_period * 1e6,
     );
     for failure in &r.failures {
-        said += &format!("\n{failure}");
+        text += &format!("\n{failure}");
     }
     for lost in &r.lost {
-        said += &format!("\nnot granted: {lost}");
+        text += &format!("\nnot granted: {lost}");
     }
     if r.dropped > 0 {
-        said += &format!("\n{} records were lost on their way here", r.dropped);
+        text += &format!("\n{} records were lost on their way here", r.dropped);
     }
-    said
+    text
 }
 
 /// Processor and kernel as named by the system.
