@@ -222,7 +222,7 @@ fn input_text(commands: &[AxisCommand<f64>], period: f64) -> String {
 
 /// Text on the identification from a log.
 fn of_log(machine: &LoggedMachine) -> String {
-    let mut said = verdict_text::said(&machine.judged);
+    let mut said = verdict_text::sentence(&machine.judged);
     machine.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
     said
 }

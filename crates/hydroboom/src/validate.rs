@@ -94,7 +94,7 @@ impl Validate {
             let rows: Vec<Vec<String>> = part.findings.iter().map(row).collect();
             said += &format!(
                 "{}\n\n{}: {:.1} s beside \"{}\", log less model\n{}\n",
-                verdict_text::said(&part.verdict),
+                verdict_text::sentence(&part.verdict),
                 part.experiment.name,
                 part.experiment.duration(),
                 crane.name,
@@ -110,7 +110,7 @@ impl Validate {
                 said += &format!("\n{input}");
             }
             if let Some(mended) = &part.mended {
-                said += &format!("\n{AFTER_CORRECTION} {}", verdict_text::said(mended));
+                said += &format!("\n{AFTER_CORRECTION} {}", verdict_text::sentence(mended));
             }
             if let Some(advice) = &part.advice {
                 said += &format!("\n{advice}");
@@ -356,7 +356,7 @@ fn page(
         }
     };
     let body = html! {
-        @for part in parts { p { b { (verdict_text::said(&part.verdict)) } (of_segment(parts, &part.experiment)) } }
+        @for part in parts { p { b { (verdict_text::sentence(&part.verdict)) } (of_segment(parts, &part.experiment)) } }
         p.soft {
             "The log " code { (asked.log.display()) } " beside \"" (crane.name) "\""
             @for Part { experiment, .. } in parts { ", from " (format!("{:.3}", experiment.begin)) " s on for " (format!("{:.1}", experiment.duration())) " s" } ". The model is driven by " (driven_by) ". All differences are log less model."
@@ -365,7 +365,7 @@ fn page(
         h2 { "Findings" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         @for part in parts { @for input in &part.inputs { p { (input) (of_segment(parts, &part.experiment)) } } }
-        @for part in parts { @if let Some(mended) = &part.mended { p { (AFTER_CORRECTION) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
+        @for part in parts { @if let Some(mended) = &part.mended { p { (AFTER_CORRECTION) " " (verdict_text::sentence(mended)) (of_segment(parts, &part.experiment)) } } }
         @for part in parts { @if let Some(advice) = &part.advice { p { (advice) (of_segment(parts, &part.experiment)) } } }
         p.soft {
             "Candidate keys follow from exact derivatives and are tested by running the model with that key changed: "
