@@ -17,7 +17,6 @@ mod energy;
 mod estimate;
 mod estimator;
 mod export;
-mod family;
 mod faults;
 mod healthy;
 mod interruptible;

@@ -2,8 +2,10 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::machine_choice::MachineChoice;
+use crate::motion::run_log::write_run_log;
+use crate::motion::tracking_table::tracking_table;
 use crate::paths::{InputFile, OutputFolder};
-use crate::{benchmark_gains, eigen, energy, motion, output};
+use crate::{benchmark_gains, eigen, energy, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
@@ -78,7 +80,7 @@ impl Study {
         if let Some(folder) = &self.log {
             output::folder(folder);
             for (plant, run) in &result.runs {
-                motion::write_log(folder, plant, run);
+                write_run_log(folder, plant, run);
             }
         }
         if self.json {
@@ -135,7 +137,7 @@ impl Study {
             if result.is_papers_crane { "; the paper's plant is its real crane" } else { "" },
             output::table_beside_paper(&header, &differences)
         );
-        said += &format!("\n\n{}", motion::table(&result.motion));
+        said += &format!("\n\n{}", tracking_table(&result.motion));
         for remark in result.unstable_loops().iter().chain(&result.remark_on_gains) {
             said += &format!("\n{remark}");
         }
