@@ -37,7 +37,6 @@ mod processor;
 mod renamed_option;
 mod run;
 mod scenarios;
-mod scheduled_lqr_sensitivity;
 mod sensitivity;
 mod show;
 mod simulate;
