@@ -20,7 +20,7 @@ pub struct Context<'a> {
 }
 
 /// Description of a signal's difference.
-pub fn said(d: &Difference, context: &Context<'_>) -> String {
+pub fn text(d: &Difference, context: &Context<'_>) -> String {
     let (unit, size) = d.signal.shown();
     let symbol = d.signal.symbol();
     if let Some(far) = d.unresolved {
@@ -43,16 +43,16 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     if parts.is_empty() {
         parts.push(format!("differs by {} {unit} RMS", three_digits(d.rms / size)));
     }
-    let mut said = format!("{symbol}: {}.", parts.join("; "));
+    let mut sentences = format!("{symbol}: {}.", parts.join("; "));
     if own.is_empty() {
-        said += " That is within its limit.";
+        sentences += " That is within its limit.";
     }
     if let Some(fault) = context.faults.iter().find(|fault| fault.signal == d.signal) {
-        return said + &of_sensor(fault);
+        return sentences + &of_sensor(fault);
     }
     // a delay that is reported already is not repeated
-    let is_said = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
-    let causes = context.faults.iter().filter(|fault| fault.is_isolable() && !is_said(fault));
+    let is_reported = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
+    let causes = context.faults.iter().filter(|fault| fault.is_isolable() && !is_reported(fault));
     let causes: Vec<&SignalFault> =
         causes.filter(|fault| fault.explains.contains(&d.signal)).collect();
     if let (Some(left), false) =
@@ -60,12 +60,12 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     {
         let causes: Vec<String> = causes.iter().map(|fault| named(fault)).collect();
         let rms = three_digits(left.rms / size);
-        said += &format!(
+        sentences += &format!(
             " Most of it is due to the {}: {rms} {unit} RMS would remain.",
             causes.join(" and the ")
         );
     }
-    said
+    sentences
 }
 
 /// Name of a fault: "offset of p_B".
@@ -380,7 +380,7 @@ mod tests {
     fn read(d: &Difference, faults: &[SignalFault]) -> String {
         let found = vec![d.clone()];
         let complaints = complaints(&found);
-        said(d, &Context { found: &found, complaints: &complaints, faults, left: &found })
+        text(d, &Context { found: &found, complaints: &complaints, faults, left: &found })
     }
 
     #[test]
