@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;

@@ -3,7 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::paths::OutputFile;
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use crate::{healthy, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;

@@ -40,6 +40,7 @@ mod scenarios;
 mod sensitivity;
 mod show;
 mod simulate;
+mod strategy_argument;
 mod study;
 mod supervision;
 mod tip;

@@ -6,7 +6,7 @@ use crate::machine_choice::MachineChoice;
 use crate::number;
 use crate::output;
 use crate::paths::InputFile;
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;

@@ -26,7 +26,7 @@ use crate::machine_choice::{MachineChoice, Source};
 use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use attached_machine::AttachedMachine;
 use attachment::AttachmentResult;
 use attendant::RunAttendant;
