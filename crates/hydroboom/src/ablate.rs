@@ -1,7 +1,7 @@
 //! `hydroboom ablate`
 
 use crate::crane_file::CraneFile;
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::Args;
@@ -77,7 +77,7 @@ impl Ablate {
         let header = ["without", "course", "mean ratio", "largest", "oscillating", "by"];
         output::text(&format!(
             "{} mechanisms on {} virtual cranes around \"{}\", seed {}\n{}",
-            of_asked(done, MECHANISMS.len()),
+            of_requested(done, MECHANISMS.len()),
             self.family,
             choice.name(),
             self.seed,

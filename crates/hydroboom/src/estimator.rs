@@ -1,7 +1,7 @@
 //! `hydroboom estimator`
 
 use crate::crane_file::CraneFile;
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::strategy_argument::strategies;
@@ -77,7 +77,7 @@ impl Estimator {
                 "strategy": self.strategy.name(), "consistency": found, "plant": choice.json(),
             }));
         }
-        let done = of_asked(found.cranes.len(), self.family as usize);
+        let done = of_requested(found.cranes.len(), self.family as usize);
         output::text(&format!(
             "{done} virtual cranes around \"{}\", seed {}, first {}, under {}\n{}",
             choice.name(),

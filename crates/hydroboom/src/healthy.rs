@@ -1,6 +1,6 @@
 //! `hydroboom faults --healthy`: false-alarm test on courses of healthy virtual cranes.
 
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::output;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -190,7 +190,7 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
         "{} courses of healthy virtual cranes: {false_alarms} false alarms, {beyond} stops of a machine outside its \
          limits, {expected} on courses that may stop. Release: {longest:.1} s at most, lifts by {lift:.2} mm and \
          drops by {sank:.2} mm at most",
-        of_asked(runs.len(), asked)
+        of_requested(runs.len(), asked)
     );
     if !rows.is_empty() {
         let header = ["course", "strategy", "stopped by", "count", "cranes", ""];

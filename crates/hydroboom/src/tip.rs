@@ -1,7 +1,7 @@
 //! `hydroboom tip`
 
 use crate::crane_file::{CraneFile, text_of};
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::number;
 use crate::output;
@@ -175,7 +175,7 @@ impl Tip {
         }
         let title = format!(
             "{} virtual cranes {}around \"{}\", seed {}, first {}, {along} under {}",
-            of_asked(found.cranes.len(), count as usize),
+            of_requested(found.cranes.len(), count as usize),
             if self.widened { "of a widened family " } else { "" },
             choice.name(),
             self.seed,

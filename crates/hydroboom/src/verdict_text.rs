@@ -41,7 +41,7 @@ fn deviation(j: &Judgement) -> String {
     }
 }
 
-/// One sentence with the aspects within and beyond their limits.
+/// One sentence with the aspects beyond and within their limits, and those that the log does not show.
 pub fn sentence(judgements: &[Judgement]) -> String {
     let of = |is_right: bool| {
         let all = judgements.iter().filter(|j| j.is_right() == is_right);
@@ -67,7 +67,7 @@ pub fn sentence(judgements: &[Judgement]) -> String {
     format!("The model is {}.", parts.join("; ")).replace("is the log", "is not judged: the log")
 }
 
-/// Judgements as JSON.
+/// Judgements as JSON, in SI units; frequency and damping as relative deviations \[-\].
 pub fn in_json(judgements: &[Judgement]) -> Vec<Value> {
     let of = |j: &Judgement| {
         json!({

@@ -1,7 +1,7 @@
 //! `hydroboom export closed-loop`
 
 use crate::crane_file::CraneFile;
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::OutputFile;
@@ -280,7 +280,7 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
     }
     format!(
         "{} trials on the virtual crane, {beyond} beyond their computed bounds (in brackets)\n{}",
-        of_asked(rows.len(), asked),
+        of_requested(rows.len(), asked),
         output::table(&HEADER, &shown)
     )
 }

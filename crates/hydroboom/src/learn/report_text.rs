@@ -1,7 +1,7 @@
 //! Text on the cycles of `hydroboom learn`.
 
 use super::assessment::complete_count;
-use crate::interruptible::of_asked;
+use crate::interruptible::of_requested;
 use crate::output;
 use hydroboom_lab::closed_loop::monte_carlo::Percentiles;
 use hydroboom_lab::cycle_learning::experiment::{CycleReport, Method, MethodError};
@@ -23,7 +23,7 @@ pub fn reports_text(reports: &[CycleReport], requested: usize) -> String {
     let complete = complete_count(reports);
     match complete == requested {
         true => text,
-        false => format!("{text}\n\n{} cycles", of_asked(complete, requested)),
+        false => format!("{text}\n\n{} cycles", of_requested(complete, requested)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `hydroboom motion --family`
 
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_control::strategy::Strategy;
@@ -146,7 +146,7 @@ impl<'a> FamilyResults<'a> {
         let missing: String = self.rows.iter().filter_map(without_solution).collect();
         format!(
             "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}{}\n\nover the benchmark's on the same crane\n{}{beside_lqr}{missing}{}",
-            of_asked(self.cranes.len(), count as usize),
+            of_requested(self.cranes.len(), count as usize),
             if is_widened { "of a widened family " } else { "" },
             self.choice.name(),
             table(&self.rows, &self.unstable),

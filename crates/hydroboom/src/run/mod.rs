@@ -205,7 +205,7 @@ impl Run {
         };
         let mut bus_log = None;
         if let Some(attached) = &mut attached {
-            cranes = cranes.said_to_be_simulated(attached.is_simulated);
+            cranes = cranes.reported_as_simulated(attached.is_simulated);
             bus_log = attached.bus_log.take();
         }
         let attendant = self.attendant(&cranes, &desk, course, change)?;

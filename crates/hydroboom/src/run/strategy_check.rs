@@ -30,7 +30,8 @@ pub fn check_strategies(
     let has_benchmark =
         |of: &Strategy| !matches!(of, Strategy::VelocityFeedforward | Strategy::ScheduledLqr);
     if strategies.iter().any(has_benchmark)
-        && let Some(remark) = benchmark_gains::kept(&cranes.model, course.payload_range(cranes))?
+        && let Some(remark) =
+            benchmark_gains::remark_on_untuned_gains(&cranes.model, course.payload_range(cranes))?
     {
         output::warn(&remark);
     }
