@@ -34,6 +34,10 @@ pub struct Ablate {
 
 impl Ablate {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, or a crane of the family cannot be built.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
         let (model, nominal) = (&choice.model, &choice.machine);

@@ -58,6 +58,10 @@ pub struct Trials {
 
 impl Trials {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, a baseline cannot be designed, or a crane cannot be built.
     pub fn run(self) -> Result<()> {
         renamed_option::refuse(self.rivals, "--rivals", "--baselines")?;
         let choice = MachineChoice::read(&self.crane, None)?;
@@ -117,6 +121,7 @@ impl Trials {
     }
 }
 
+/// Row of a controller in a trial; dashes for the errors of an unstable or unfinished run.
 fn row(o: &Outcome) -> Vec<String> {
     let error = |mm: f64| output::optional(Some(mm).filter(|mm| o.stable && mm.is_finite()), 3);
     vec![

@@ -45,6 +45,7 @@ enum What {
     FmuSimulationFeedforward,
 }
 
+/// All targets, in the order of the table.
 const ALL: [What; 10] = [
     What::Rust,
     What::RustSimulationFeedforward,
@@ -90,6 +91,10 @@ pub struct ClosedLoop {
 
 impl ClosedLoop {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, a target cannot be compiled, or a simulation fails.
     pub fn run(self) -> Result<()> {
         let MachineChoice { model, mut machine, .. } = MachineChoice::read(&self.crane, None)?;
         machine.set_together(self.plant_set.iter().map(String::as_str))?;
@@ -108,22 +113,22 @@ impl ClosedLoop {
                 missing.display()
             );
         }
-        let wanted = self.only.as_deref().unwrap_or("");
+        let part = self.only.as_deref().unwrap_or("");
         let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
         let mut all = cases(&model);
         all.extend(moves(&model));
-        let chosen: Vec<&Case> = all.iter().filter(|c| c.name().contains(wanted)).collect();
-        if chosen.is_empty() {
+        let selected: Vec<&Case> = all.iter().filter(|c| c.name().contains(part)).collect();
+        if selected.is_empty() {
             miette::bail!(
                 help = "names are those of the table, such as \"stroke NaN for 1 periods at rest\"",
-                "no trial's name contains \"{wanted}\""
+                "no trial's name contains \"{part}\""
             );
         }
         let makers =
             targets.par_iter().map(|what| what.maker(&model, &folder)).collect::<Result<Vec<_>>>();
         let makers = makers?;
         let jobs: Vec<(usize, &Case)> = (0..makers.len())
-            .flat_map(|place| chosen.iter().map(move |case| (place, *case)))
+            .flat_map(|place| selected.iter().map(move |case| (place, *case)))
             .filter(|(place, case)| targets[*place].has_gains() || case.gain.is_none())
             .collect();
         let progress = Interruptible::new(jobs.len() as u64, "trials")?;
@@ -166,8 +171,8 @@ impl ClosedLoop {
             }));
         }
         let all: Vec<Vec<String>> = compared(&rows).iter().map(Compared::cells).collect();
-        let said = text(&rows, jobs.len(), beyond);
-        output::text(&format!("{said}\n\n{}", output::table(&COMPARED, &all)))
+        let trials = text(&rows, jobs.len(), beyond);
+        output::text(&format!("{trials}\n\n{}", output::table(&COMPARED, &all)))
     }
 }
 
@@ -233,6 +238,7 @@ impl What {
 }
 
 impl Maker {
+    /// Target in its initial state, designed for a model.
     fn target(&self, model: &Description) -> Result<Box<dyn Target>> {
         Ok(match self {
             Self::Benchmark => Box::new(RustBenchmark::new(model).into_diagnostic()?),
@@ -248,10 +254,10 @@ impl Maker {
 }
 
 /// All undisturbed engagements; for wrong inputs the worst one of each input and kind.
-fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
-    let mut shown: Vec<Vec<String>> = Vec::new();
+fn text(rows: &[Row], requested: usize, beyond: usize) -> String {
+    let mut cells: Vec<Vec<String>> = Vec::new();
     let plain = rows.iter().filter(|row| row.case.disturbed.is_none());
-    shown.extend(plain.map(|row| row.cells().into()));
+    cells.extend(plain.map(|row| row.cells().into()));
     let mut groups: Vec<(String, Vec<&Row>)> = Vec::new();
     for row in rows {
         let Some(d) = row.case.disturbed else { continue };
@@ -268,20 +274,20 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
         let worst = group.iter().copied().max_by(|a, b| moved(a).total_cmp(&moved(b)));
         let is_beyond = group.iter().copied().find(|row| !row.beyond.is_empty());
         if let Some(row) = is_beyond.or(worst) {
-            let mut cells: Vec<String> = row.cells().into();
-            cells[1] = match is_beyond {
+            let mut worst: Vec<String> = row.cells().into();
+            worst[1] = match is_beyond {
                 Some(row) => row.case.name(),
                 None => {
                     format!("{}: worst of {}", key.split('|').nth(1).unwrap_or(""), group.len())
                 }
             };
-            shown.push(cells);
+            cells.push(worst);
         }
     }
     format!(
         "{} trials on the virtual crane, {beyond} beyond their computed bounds (in brackets)\n{}",
-        of_requested(rows.len(), asked),
-        output::table(&HEADER, &shown)
+        of_requested(rows.len(), requested),
+        output::table(&HEADER, &cells)
     )
 }
 
@@ -300,7 +306,7 @@ struct Compared {
     worse: usize,
 }
 
-/// Heads of its columns.
+/// Column headings of the comparison of targets.
 const COMPARED: [&str; 8] = [
     "target",
     "trials",
@@ -313,12 +319,14 @@ const COMPARED: [&str; 8] = [
 ];
 
 impl Compared {
+    /// Row of the comparison.
     fn cells(&self) -> Vec<String> {
         let counts = [self.trials, self.controlled, self.faults, self.beyond, self.oscillating];
         let counts = counts.into_iter().chain([self.compared, self.worse]);
         std::iter::once(self.target.into()).chain(counts.map(|n| n.to_string())).collect()
     }
 
+    /// Results as JSON.
     fn json(&self) -> serde_json::Value {
         json!({
             "target": self.target, "trials": self.trials, "controlled": self.controlled, "faults": self.faults, "beyond_bounds": self.beyond,
@@ -354,6 +362,7 @@ fn compared(rows: &[Row]) -> Vec<Compared> {
     all
 }
 
+/// A trial as JSON; `period` is the control period \[s\].
 fn in_json(row: &Row, period: f64) -> serde_json::Value {
     let (o, b) = (&row.outcome, &row.bounds);
     json!({

@@ -32,7 +32,7 @@ enum What {
 }
 
 impl What {
-    /// Names of all exportable blocks as text.
+    /// Names of all contents that are exported, separated by commas.
     fn exported() -> String {
         let all = Self::value_variants().iter().filter_map(Self::to_possible_value);
         let shown = all.filter(|value| !value.is_hide_set());
@@ -70,6 +70,10 @@ pub struct Fmu {
 
 impl Fmu {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, the crane cannot be exported, or a C compiler fails.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         warn_of_unstable(&crane)?;
@@ -95,16 +99,16 @@ impl Fmu {
         let version = if self.fmi == "3" { Version::Three } else { Version::Two };
         let unit = unit(&block, slopes.as_ref(), &crane, version).into_diagnostic()?;
         let folder = std::env::temp_dir().join(format!("hydroboom-fmu-{}", std::process::id()));
-        let made = System::ALL
+        let binaries = System::ALL
             .into_iter()
             .filter_map(|system| {
-                let made = binary(&unit, system, &folder.join(system.name())).transpose()?;
-                Some(made.map(|library| (system, library)))
+                let library = binary(&unit, system, &folder.join(system.name())).transpose()?;
+                Some(library.map(|library| (system, library)))
             })
             .collect::<Result<Vec<_>, _>>();
         // an error of the removal has no consequence
         let _ = std::fs::remove_dir_all(&folder);
-        let binaries = made.into_diagnostic()?;
+        let binaries = binaries.into_diagnostic()?;
         let bytes = archive(&unit, &binaries).into_diagnostic()?;
         let systems: Vec<&str> = binaries.iter().map(|(system, _)| system.name()).collect();
         output::file(&self.out, &bytes);
@@ -124,12 +128,12 @@ impl Fmu {
                 "flops": flops.iter().map(|(name, flops)| json!({ "entry": name, "flops": flops })).collect::<Vec<_>>(),
             }));
         }
-        let holds = match systems.is_empty() {
+        let content = match systems.is_empty() {
             false => format!("its source and a binary for {}", systems.join(" and ")),
             true => "its source; no C compiler (cc) was found for a binary".into(),
         };
         output::text(&format!(
-            "{}: {} bytes, {} of FMI {}.0 with {holds}",
+            "{}: {} bytes, {} of FMI {}.0 with {content}",
             self.out.display(),
             files[0].1.len(),
             unit.identifier,

@@ -52,11 +52,17 @@ impl SegmentComparison {
             isolate(crane, &experiment).into_diagnostic()?;
         let (_, remedies) = remedies(crane, &corrected).into_diagnostic()?;
         let pressures = prediction.iter().flat_map(|row| row.iter().skip(1).copied());
-        experiment.remarks.extend(difference_text::beyond(pressures.fold(0.0, f64::max)));
+        experiment
+            .remarks
+            .extend(difference_text::remark_on_validity(pressures.fold(0.0, f64::max)));
         experiment.remarks.extend(remark_on_accumulator(crane, &experiment));
         let all = complaints(&differences);
-        let context =
-            Context { found: &differences, complaints: &all, faults: &faults, left: &remaining };
+        let context = Context {
+            differences: &differences,
+            complaints: &all,
+            faults: &faults,
+            remaining: &remaining,
+        };
         let findings = differences.iter().map(|d| Finding {
             difference: d.clone(),
             sensor: faults.iter().find(|fault| fault.signal == d.signal).cloned(),
@@ -72,7 +78,7 @@ impl SegmentComparison {
         Ok(Self {
             experiment,
             findings,
-            delayed_inputs: faults.iter().filter_map(difference_text::of_input).collect(),
+            delayed_inputs: faults.iter().filter_map(difference_text::input_delay).collect(),
             corrected_verdict: is_corrected.then(|| verdict(&remaining)),
             remedies,
             advice,
