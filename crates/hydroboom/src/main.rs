@@ -1,4 +1,4 @@
-//! `hydroboom`: command line. One file per command, without logic of its own.
+//! `hydroboom`: command line. One module per command, which reads options and prints, draws and writes results.
 
 mod ablate;
 mod bench;
@@ -141,6 +141,7 @@ fn with_negative_numbers(mut command: clap::Command) -> clap::Command {
     })
 }
 
+/// Runs a command.
 fn run(command: Command) -> Result<()> {
     match command {
         Command::New(command) => command.run(),

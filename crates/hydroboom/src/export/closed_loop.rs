@@ -22,7 +22,7 @@ use std::path::Path;
 
 /// Target of an exported controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum ControllerTarget {
     /// Benchmark in Rust.
     Rust,
     /// Simulation feedforward in Rust.
@@ -46,17 +46,17 @@ enum What {
 }
 
 /// All targets, in the order of the table.
-const ALL: [What; 10] = [
-    What::Rust,
-    What::RustSimulationFeedforward,
-    What::RustScheduledLqr,
-    What::C,
-    What::CSimulationFeedforward,
-    What::CScheduledLqr,
-    What::CScheduledLqrWithoutPreview,
-    What::CScheduledLqrSingle,
-    What::Fmu,
-    What::FmuSimulationFeedforward,
+const ALL: [ControllerTarget; 10] = [
+    ControllerTarget::Rust,
+    ControllerTarget::RustSimulationFeedforward,
+    ControllerTarget::RustScheduledLqr,
+    ControllerTarget::C,
+    ControllerTarget::CSimulationFeedforward,
+    ControllerTarget::CScheduledLqr,
+    ControllerTarget::CScheduledLqrWithoutPreview,
+    ControllerTarget::CScheduledLqrSingle,
+    ControllerTarget::Fmu,
+    ControllerTarget::FmuSimulationFeedforward,
 ];
 
 /// Control periods of preview for the scheduled LQR.
@@ -74,7 +74,7 @@ pub struct ClosedLoop {
     crane: CraneFile,
     /// Only this target; can be repeated.
     #[arg(long, value_enum)]
-    target: Vec<What>,
+    target: Vec<ControllerTarget>,
     /// Only trials whose name contains this.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
@@ -124,20 +124,22 @@ impl ClosedLoop {
                 "no trial's name contains \"{part}\""
             );
         }
-        let makers =
-            targets.par_iter().map(|what| what.maker(&model, &folder)).collect::<Result<Vec<_>>>();
-        let makers = makers?;
-        let jobs: Vec<(usize, &Case)> = (0..makers.len())
+        let factories = targets
+            .par_iter()
+            .map(|controller| controller.factory(&model, &folder))
+            .collect::<Result<Vec<_>>>();
+        let factories = factories?;
+        let jobs: Vec<(usize, &Case)> = (0..factories.len())
             .flat_map(|place| selected.iter().map(move |case| (place, *case)))
             .filter(|(place, case)| targets[*place].has_gains() || case.gain.is_none())
             .collect();
         let progress = Interruptible::new(jobs.len() as u64, "trials")?;
         let is_plain = |c: &&Case| c.moves && c.disturbed.is_none() && c.gain.is_none();
-        let undisturbed = makers
+        let undisturbed = factories
             .par_iter()
-            .map(|maker| {
+            .map(|factory| {
                 let plain = all.iter().find(is_plain).unwrap_or(&all[0]);
-                let mut target = maker.target(&model)?;
+                let mut target = factory.target(&model)?;
                 run(&model, &machine, plain, target.as_mut()).into_diagnostic()
             })
             .collect::<Result<Vec<_>>>()?;
@@ -147,7 +149,7 @@ impl ClosedLoop {
                 if !progress.one_more() {
                     return Ok(None);
                 }
-                let mut target = makers[*place].target(&model)?;
+                let mut target = factories[*place].target(&model)?;
                 let outcome = run(&model, &machine, case, target.as_mut()).into_diagnostic()?;
                 let plain = &undisturbed[*place];
                 let bounds = bounds(&model, case, plain, &outcome).into_diagnostic()?;
@@ -166,25 +168,26 @@ impl ClosedLoop {
         if self.json {
             return output::json(&json!({
                 "trials": rows.len(), "asked": jobs.len(), "beyond_bounds": beyond,
-                "targets": compared(&rows).iter().map(Compared::json).collect::<Vec<_>>(),
+                "targets": target_summaries(&rows).iter().map(TargetSummary::json).collect::<Vec<_>>(),
                 "rows": rows.iter().map(|row| in_json(row, period)).collect::<Vec<_>>(),
             }));
         }
-        let all: Vec<Vec<String>> = compared(&rows).iter().map(Compared::cells).collect();
+        let all: Vec<Vec<String>> =
+            target_summaries(&rows).iter().map(TargetSummary::cells).collect();
         let trials = text(&rows, jobs.len(), beyond);
-        output::text(&format!("{trials}\n\n{}", output::table(&COMPARED, &all)))
+        output::text(&format!("{trials}\n\n{}", output::table(&SUMMARY_HEADER, &all)))
     }
 }
 
 /// Factory of a target for each trial.
-enum Maker {
+enum TargetFactory {
     Benchmark,
     SimulationFeedforward,
     ScheduledLqr,
     Program(Compiled),
 }
 
-impl What {
+impl ControllerTarget {
     /// Whether its gains can be changed during a run.
     fn has_gains(self) -> bool {
         !matches!(
@@ -197,14 +200,14 @@ impl What {
     }
 
     /// Compiles the target once.
-    fn maker(self, model: &Description, folder: &Path) -> Result<Maker> {
+    fn factory(self, model: &Description, folder: &Path) -> Result<TargetFactory> {
         let n = &model.numbers;
         let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
         let folder = folder.join(format!("{self:?}"));
         let compiled = match self {
-            Self::Rust => return Ok(Maker::Benchmark),
-            Self::RustSimulationFeedforward => return Ok(Maker::SimulationFeedforward),
-            Self::RustScheduledLqr => return Ok(Maker::ScheduledLqr),
+            Self::Rust => return Ok(TargetFactory::Benchmark),
+            Self::RustSimulationFeedforward => return Ok(TargetFactory::SimulationFeedforward),
+            Self::RustScheduledLqr => return Ok(TargetFactory::ScheduledLqr),
             Self::CScheduledLqr | Self::CScheduledLqrWithoutPreview | Self::CScheduledLqrSingle => {
                 let (name, length, precision) = match self {
                     Self::CScheduledLqrSingle => {
@@ -233,11 +236,11 @@ impl What {
                 Compiled::in_fmu("FMU, simulation feedforward", &block, model, &folder)
             }
         };
-        compiled.into_diagnostic().map(Maker::Program)
+        compiled.into_diagnostic().map(TargetFactory::Program)
     }
 }
 
-impl Maker {
+impl TargetFactory {
     /// Target in its initial state, designed for a model.
     fn target(&self, model: &Description) -> Result<Box<dyn Target>> {
         Ok(match self {
@@ -292,7 +295,7 @@ fn text(rows: &[Row], requested: usize, beyond: usize) -> String {
 }
 
 /// Results of all trials of a target.
-struct Compared {
+struct TargetSummary {
     target: &'static str,
     trials: usize,
     /// Trials in which the controller moved the load to the end.
@@ -307,7 +310,7 @@ struct Compared {
 }
 
 /// Column headings of the comparison of targets.
-const COMPARED: [&str; 8] = [
+const SUMMARY_HEADER: [&str; 8] = [
     "target",
     "trials",
     "controlled to the end",
@@ -318,7 +321,7 @@ const COMPARED: [&str; 8] = [
     "worse RMS than the first target",
 ];
 
-impl Compared {
+impl TargetSummary {
     /// Row of the comparison.
     fn cells(&self) -> Vec<String> {
         let counts = [self.trials, self.controlled, self.faults, self.beyond, self.oscillating];
@@ -336,9 +339,9 @@ impl Compared {
 }
 
 /// Results of each target, compared with the first.
-fn compared(rows: &[Row]) -> Vec<Compared> {
+fn target_summaries(rows: &[Row]) -> Vec<TargetSummary> {
     let first = rows.first().map_or("", |row| row.target);
-    let mut all: Vec<Compared> = Vec::new();
+    let mut all: Vec<TargetSummary> = Vec::new();
     for group in rows.chunk_by(|a, b| a.target == b.target) {
         let count = |is: &dyn Fn(&Row) -> bool| group.iter().filter(|row| is(row)).count();
         let beside = |row: &Row| {
@@ -348,7 +351,7 @@ fn compared(rows: &[Row]) -> Vec<Compared> {
             let both = is_undisturbed && row.case.moves && row.outcome.is_controlled();
             other.filter(|o| both && o.is_controlled()).map(|o| row.outcome.rms > o.rms)
         };
-        all.push(Compared {
+        all.push(TargetSummary {
             target: group[0].target,
             trials: group.len(),
             controlled: count(&|row| row.outcome.is_controlled()),

@@ -15,7 +15,7 @@ use serde_json::json;
 
 /// Content of an FMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum FmuContent {
     /// Crane: inputs motor speed and valve; outputs position, pressures and forces.
     Model,
     /// The same under another name: a controlled plant that differs from the model.
@@ -31,7 +31,7 @@ enum What {
     ModelFollowing,
 }
 
-impl What {
+impl FmuContent {
     /// Names of all contents that are exported, separated by commas.
     fn exported() -> String {
         let all = Self::value_variants().iter().filter_map(Self::to_possible_value);
@@ -53,7 +53,7 @@ pub struct Fmu {
     crane: CraneFile,
     /// Content of the FMU.
     #[arg(long, value_enum)]
-    what: What,
+    what: FmuContent,
     /// Version of FMI.
     #[arg(long, value_parser = ["2", "3"], default_value = "2")]
     fmi: String,
@@ -78,18 +78,18 @@ impl Fmu {
         let crane = self.crane.read()?;
         warn_of_unstable(&crane)?;
         let (block, slopes) = match self.what {
-            What::Controller => (controller(&crane).into_diagnostic()?, None),
-            What::SimulationFeedforward => {
+            FmuContent::Controller => (controller(&crane).into_diagnostic()?, None),
+            FmuContent::SimulationFeedforward => {
                 (simulation_feedforward(&crane).into_diagnostic()?, None)
             }
-            What::ScheduledLqr => (scheduled_lqr_controller(&crane).into_diagnostic()?, None),
-            What::ModelFollowing => miette::bail!(
+            FmuContent::ScheduledLqr => (scheduled_lqr_controller(&crane).into_diagnostic()?, None),
+            FmuContent::ModelFollowing => miette::bail!(
                 "--what model-following: model following has been replaced by scheduled-lqr; today --what is one of {}",
-                What::exported()
+                FmuContent::exported()
             ),
-            What::Model | What::Plant => {
+            FmuContent::Model | FmuContent::Plant => {
                 let mut block = crane_model(&crane).into_diagnostic()?;
-                if self.what == What::Plant {
+                if self.what == FmuContent::Plant {
                     block.name = "plant".into();
                 }
                 let slopes = slopes(&crane, &block).into_diagnostic()?;

@@ -20,13 +20,13 @@ pub fn run_in_real_time(
     setup: &ControlSetup,
     lookout: Lookout<'_>,
 ) -> Result<RealTime> {
-    let memory = Memory::new()?;
+    let memory = SharedMemoryFile::new()?;
     let open = |result: std::io::Result<Shared>| {
         result.into_diagnostic().wrap_err_with(|| memory.path.display().to_string())
     };
     let shared = open(Shared::create(&memory.path))?;
     let tampering = open(Shared::open(&memory.path))?;
-    let mut host = Host::start(&memory.path, cranes.arguments())?;
+    let mut process = MachineProcess::start(&memory.path, cranes.arguments())?;
     let (control, simulation) = setup.tasks(cranes)?;
     let n = &cranes.model.numbers;
     let tasks = Tasks {
@@ -42,16 +42,16 @@ pub fn run_in_real_time(
         tampering.tamper(number, what);
     })
     .into_diagnostic()?;
-    host.end();
+    process.end();
     Ok(real_time)
 }
 
 /// File of the memory shared with the machine's process; it is removed with this value.
-struct Memory {
+struct SharedMemoryFile {
     path: PathBuf,
 }
 
-impl Memory {
+impl SharedMemoryFile {
     /// An unused path named by this process, in memory where the system has such a folder.
     ///
     /// # Errors
@@ -69,16 +69,16 @@ impl Memory {
     }
 }
 
-impl Drop for Memory {
+impl Drop for SharedMemoryFile {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
 /// Process of the machine; it is ended with this value.
-struct Host(Child);
+struct MachineProcess(Child);
 
-impl Host {
+impl MachineProcess {
     /// Starts `hydroboom machine` at a shared memory, with the options of a crane.
     ///
     /// # Errors
@@ -100,7 +100,7 @@ impl Host {
     }
 }
 
-impl Drop for Host {
+impl Drop for MachineProcess {
     fn drop(&mut self) {
         self.end();
     }
