@@ -65,8 +65,8 @@ impl Bounds {
     ///
     /// # Errors
     ///
-    /// If an input is invalid, the payload range does not suit the plant, a bound cannot be computed, or it was interrupted
-    /// before.
+    /// If an input is invalid, the payload range does not suit the plant, a bound cannot be computed, or the command was
+    /// interrupted before.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read_plant(&self.crane, self.plant.as_deref())?;
         let along = match &self.scenario {

@@ -81,8 +81,8 @@ impl CraneFile {
     ///
     /// # Errors
     ///
-    /// If the crane file or an override is invalid. Also for a valve-controlled crane, because most experiments need the
-    /// pump.
+    /// If the crane file or an override is invalid. Also for a valve-controlled crane, because most experiments need
+    /// the pump.
     pub fn read(&self) -> Result<Description> {
         self.read_or(Description::uia_single_boom)
     }

@@ -74,8 +74,8 @@ impl LogMapping {
     }
 }
 
-/// Suspicious values in the columns of a log: beyond the crane's stroke and motor speed, or of a magnitude that suggests
-/// another unit.
+/// Suspicious values in the columns of a log: beyond the crane's stroke and motor speed, or of a magnitude that
+/// suggests another unit.
 pub fn suspicions(log: &Measurement, mapping: &Mapping, crane: &Description) -> Vec<Suspicion> {
     let n = &crane.numbers;
     let mut suspicions = mapping.suspicions(log, n.stroke, n.motor_speed);

@@ -79,7 +79,8 @@ impl Tip {
     ///
     /// # Errors
     ///
-    /// If an input is invalid, the survey has an outlier or does not determine the keys, or no crane completed its course.
+    /// If an input is invalid, the survey has an outlier or does not determine the keys, or no crane completed its
+    /// course.
     pub fn run(self) -> Result<()> {
         match (&self.survey, self.family) {
             (Some(survey), _) => self.fit(survey),

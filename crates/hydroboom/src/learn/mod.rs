@@ -88,7 +88,8 @@ impl Learn {
     ///
     /// # Errors
     ///
-    /// If an input is invalid, a crane cannot be simulated, no model reproduces the log, or the command was interrupted.
+    /// If an input is invalid, a crane cannot be simulated, no model reproduces the log, or the command was
+    /// interrupted.
     pub fn run(self) -> Result<()> {
         match self.log.clone() {
             Some(log) => self.run_log(&log),

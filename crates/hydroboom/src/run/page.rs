@@ -24,7 +24,8 @@ pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<Page, La
     Ok(document(&format!("Hydroboom: {} with {}", result.course, result.strategy), &body))
 }
 
-/// Page of a whole run: all courses beside the paper's RMS and largest error \[mm\], figures of the last one, deadlines.
+/// Page of a whole run: all courses beside the paper's RMS and largest error \[mm\], figures of the last one,
+/// deadlines.
 /// `records` are those of the last course, and `computer` is the processor.
 ///
 /// # Errors
