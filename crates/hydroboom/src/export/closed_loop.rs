@@ -99,20 +99,7 @@ impl ClosedLoop {
         let MachineChoice { model, mut machine, .. } = MachineChoice::read(&self.crane, None)?;
         machine.set_together(self.plant_set.iter().map(String::as_str))?;
         let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
-        let folder_of =
-            |path: &OutputFile| path.parent().map(Path::to_path_buf).unwrap_or_default();
-        if let Some(missing) = self
-            .csv
-            .as_ref()
-            .map(folder_of)
-            .filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
-        {
-            miette::bail!(
-                help = "create the folder first, because the trials take minutes",
-                "--csv: there is no folder {}",
-                missing.display()
-            );
-        }
+        self.check_csv_folder()?;
         let part = self.only.as_deref().unwrap_or("");
         let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
         let mut all = cases(&model);
@@ -176,6 +163,23 @@ impl ClosedLoop {
             target_summaries(&rows).iter().map(TargetSummary::cells).collect();
         let trials = text(&rows, jobs.len(), beyond);
         output::text(&format!("{trials}\n\n{}", output::table(&SUMMARY_HEADER, &all)))
+    }
+
+    /// Checks that the folder of the table exists, before the trials.
+    ///
+    /// # Errors
+    ///
+    /// If it does not.
+    fn check_csv_folder(&self) -> Result<()> {
+        let folder = self.csv.as_deref().and_then(Path::parent);
+        match folder.filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+            Some(missing) => miette::bail!(
+                help = "create the folder first, because the trials take minutes",
+                "--csv: there is no folder {}",
+                missing.display()
+            ),
+            None => Ok(()),
+        }
     }
 }
 
