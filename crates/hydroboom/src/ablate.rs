@@ -1,7 +1,7 @@
 //! `hydroboom ablate`
 
 use crate::crane_file::CraneFile;
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::Args;
@@ -34,6 +34,10 @@ pub struct Ablate {
 
 impl Ablate {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, or a crane of the family cannot be built.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
         let (model, nominal) = (&choice.model, &choice.machine);
@@ -77,7 +81,7 @@ impl Ablate {
         let header = ["without", "course", "mean ratio", "largest", "oscillating", "by"];
         output::text(&format!(
             "{} mechanisms on {} virtual cranes around \"{}\", seed {}\n{}",
-            of_asked(done, MECHANISMS.len()),
+            of_requested(done, MECHANISMS.len()),
             self.family,
             choice.name(),
             self.seed,

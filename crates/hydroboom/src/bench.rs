@@ -21,6 +21,10 @@ pub struct Bench {
 
 impl Bench {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, or an experiment of the study fails.
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
         let timing = benchmark::timing(&description).into_diagnostic()?;

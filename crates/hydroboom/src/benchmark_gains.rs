@@ -14,7 +14,7 @@ use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
 use toml_edit::DocumentMut;
 
-/// Parses `LOW:HIGH`.
+/// Parses a range of payloads, `LOW:HIGH` \[kg\] from 0 to 1e6.
 pub fn payloads(text: &str) -> Result<[f64; 2], String> {
     let read = || {
         let (low, high) = text.split_once(':')?;
@@ -24,7 +24,12 @@ pub fn payloads(text: &str) -> Result<[f64; 2], String> {
     read().ok_or_else(|| format!("payloads are LOW:HIGH in kg, such as 0:370, not {text}"))
 }
 
-/// Designs gains for a crane, prints them with the present ones, and writes them into a copy of its file.
+/// Designs gains for a crane and a range of payloads \[kg\], by default the crane file's. Prints them with the present
+/// ones, and writes them into a copy of its file.
+///
+/// # Errors
+///
+/// If there are overrides and a file to write, the design does not converge, or margins cannot be computed.
 pub fn run(
     crane: &CraneFile,
     description: &Description,
@@ -88,6 +93,7 @@ pub fn run(
     output::text(&text)
 }
 
+/// Row of gains with their worst margins; dashes for an unstable loop and for infinite margins.
 fn row(name: &str, gains: &Gains, worst: &WorstMargins) -> Vec<String> {
     let mut row = vec![name.to_string()];
     row.extend(gains.keys().map(|(_, value)| output::short(value)));
@@ -107,6 +113,7 @@ fn row(name: &str, gains: &Gains, worst: &WorstMargins) -> Vec<String> {
     row
 }
 
+/// Writes designed gains with their source into a crane file.
 fn write_gains(document: &mut DocumentMut, design: &BenchmarkDesign) {
     for (path, value) in design.gains.keys() {
         let source = source(design);
@@ -116,6 +123,10 @@ fn write_gains(document: &mut DocumentMut, design: &BenchmarkDesign) {
 
 /// Text of the paper's crane file with gains designed for it. Its own gains are unstable with an empty
 /// hook.
+///
+/// # Errors
+///
+/// If the design does not converge.
 pub fn tuned_text(crane: &Description) -> Result<String> {
     let design = benchmark_design(crane, payload_range(crane)).into_diagnostic()?;
     let mut document: DocumentMut = UIA_SINGLE_BOOM.parse().into_diagnostic()?;
@@ -151,7 +162,12 @@ fn why_untuned(model: &Description, payload: [f64; 2]) -> Result<Option<String>>
     }
 }
 
-/// Description of the benchmark's margins with payloads \[kg\], if they are too small for tuned gains.
+/// Description of the benchmark's margins with payloads \[kg\], if they are too small for tuned gains: a sensitivity
+/// peak M_s above `benchmark_design.untuned_peak`, or an unstable loop.
+///
+/// # Errors
+///
+/// If the margins cannot be computed.
 pub fn too_little_margin(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     let own = worst_margins(model, payload).into_diagnostic()?;
     let peak = model.numbers.benchmark_untuned_peak;
@@ -166,11 +182,15 @@ pub fn too_little_margin(model: &Description, payload: [f64; 2]) -> Result<Optio
 }
 
 /// Remark if the crane file's gains are used with payloads \[kg\] although a comparison would replace them.
-pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
-    let said = why_untuned(model, payload)?;
-    Ok(said.map(|said| {
+///
+/// # Errors
+///
+/// If the margins cannot be computed.
+pub fn remark_on_untuned_gains(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
+    let reason = why_untuned(model, payload)?;
+    Ok(reason.map(|reason| {
         format!(
-            "the benchmark runs with the crane file's gains, which are not tuned for payloads of {:.0} to {:.0} kg ({said}). \
+            "the benchmark runs with the crane file's gains, which are not tuned for payloads of {:.0} to {:.0} kg ({reason}). \
              `hydroboom design --benchmark` designs some; `motion` uses those instead of placeholders and of the \
              paper's gains",
             payload[0], payload[1]
@@ -178,7 +198,7 @@ pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
     }))
 }
 
-/// Source text of designed gains.
+/// Source of designed gains, for the comment in a crane file.
 fn source(design: &BenchmarkDesign) -> String {
     format!(
         "hydroboom design --benchmark: largest K_i with M_s <= {} for payloads of {:.0} to {:.0} kg over the stroke",
@@ -186,23 +206,27 @@ fn source(design: &BenchmarkDesign) -> String {
     )
 }
 
-/// Remark on gains that are not tuned where none are found.
-fn untunable(said: &str, error: &DesignError) -> String {
-    format!("the benchmark is not tuned ({said}), and cannot be: {error}")
+/// Remark on gains that are not tuned for a reason, where the design of others failed.
+fn remark_on_failed_design(reason: &str, error: &DesignError) -> String {
+    format!("the benchmark is not tuned ({reason}), and cannot be: {error}")
 }
 
 /// Machine choice with the benchmark's gains for a comparison with payloads \[kg\], and a remark on a
 /// replacement. Designed gains replace placeholders for all payloads. They also replace the paper's gains
 /// on another crane with too small margins.
+///
+/// # Errors
+///
+/// If the margins cannot be computed. A design that does not converge is a remark.
 pub fn for_comparison(
     choice: MachineChoice,
     payload: [f64; 2],
 ) -> Result<(MachineChoice, Option<String>)> {
     let model = &choice.model;
-    let Some(said) = why_untuned(model, payload)? else { return Ok((choice, None)) };
+    let Some(reason) = why_untuned(model, payload)? else { return Ok((choice, None)) };
     if !are_replaceable(model)? {
         let remark = format!(
-            "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
+            "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {reason}; `hydroboom design --benchmark` finds some",
             payload[0], payload[1]
         );
         return Ok((choice, Some(remark)));
@@ -211,7 +235,7 @@ pub fn for_comparison(
         Ok(design) => {
             let g = design.gains;
             let remark = format!(
-                "the file's gains are not tuned for this comparison ({said}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
+                "the file's gains are not tuned for this comparison ({reason}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
                  --benchmark --payload-kg {:.0}:{:.0}`; --gains-as-given keeps the file's",
                 output::short(g.proportional_per_s),
                 output::short(g.integral_per_s2),
@@ -222,7 +246,7 @@ pub fn for_comparison(
             );
             Ok((choice.with_benchmark_gains(&g), Some(remark)))
         }
-        Err(error) => Ok((choice, Some(untunable(&said, &error)))),
+        Err(error) => Ok((choice, Some(remark_on_failed_design(&reason, &error)))),
     }
 }
 
@@ -233,7 +257,7 @@ mod tests {
     #[test]
     fn a_failed_gain_design_is_reported_with_both_reasons() {
         let error = DesignError::NotConverged { exchanges: 12, low_kg: 0.0, high_kg: 370.0 };
-        let remark = untunable("they are placeholders", &error);
+        let remark = remark_on_failed_design("they are placeholders", &error);
         assert!(remark.contains("not tuned (they are placeholders)"), "{remark}");
         assert!(remark.contains("0 to 370 kg has not converged"), "{remark}");
         // `design --benchmark` fails with the same sentence

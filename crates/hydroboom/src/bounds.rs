@@ -62,6 +62,11 @@ pub struct Bounds {
 
 impl Bounds {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, the payload range does not suit the plant, a bound cannot be computed, or the command was
+    /// interrupted before.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read_plant(&self.crane, self.plant.as_deref())?;
         let along = match &self.scenario {
@@ -70,10 +75,10 @@ impl Bounds {
         };
         let own = choice.machine.numbers.payload;
         let payloads = self.payload_kg.unwrap_or_else(|| payload_range(&choice.machine));
-        if let Some(said) = beyond_range(&choice.machine, payloads) {
+        if let Some(reason) = beyond_range(&choice.machine, payloads) {
             return Err(miette!(
                 help = "stay within, or widen `range` of payload.mass_kg in the plant's crane file",
-                "{said}"
+                "{reason}"
             ));
         }
         if !(payloads[0] - 0.5..=payloads[1] + 0.5).contains(&own) {
@@ -117,7 +122,7 @@ impl Bounds {
                 "remark_on_gains": gains,
             }));
         }
-        output::text(&told(&choice, &bounds, &strategies))
+        output::text(&bounds_text(&choice, &bounds, &strategies))
     }
 }
 
@@ -141,7 +146,7 @@ fn beyond_range(machine: &Description, payloads: [f64; 2]) -> Option<String> {
     })
 }
 
-/// Error with three digits; zero below a millionth of a millimetre.
+/// Error \[mm\] with three digits; zero below a millionth of a millimetre.
 fn millimetres(mm: f64) -> String {
     if mm < 1e-6 { "0".into() } else { output::three_digits(mm) }
 }
@@ -154,11 +159,8 @@ fn course_name(course: &str) -> String {
     }
 }
 
-fn told(
-    choice: &MachineChoice,
-    bounds: &PerformanceBounds,
-    strategies: &[StrategyError],
-) -> String {
+/// Rows of the least tracking errors \[mm\]: each limit alone, all others without it, and all of them.
+fn limit_rows(bounds: &PerformanceBounds) -> Vec<Vec<String>> {
     let mut rows =
         vec![vec!["none".into(), millimetres(bounds.none_mm), String::new(), "exact".into()]];
     rows.extend(bounds.limits.iter().map(|cost| {
@@ -172,19 +174,23 @@ fn told(
             },
         ]
     }));
-    let all = ["all", &millimetres(bounds.all_mm), "", "bound [1] [2]"];
-    rows.push(all.map(String::from).to_vec());
-    let not_known_ahead =
-        ["all, not known ahead", &millimetres(bounds.not_known_ahead_mm), "", "estimate [4]"];
-    rows.push(not_known_ahead.map(String::from).to_vec());
-    let feedforward =
-        ["feedforward alone", &millimetres(bounds.feedforward_mm), "", "estimate [3]"];
-    rows.push(feedforward.map(String::from).to_vec());
-    let [before, begun, ended] = bounds.payload_deviation_kg;
-    let heads = ["strategy", "RMS true [mm]", "over the bound", "remark"];
+    rows.extend(
+        [
+            ("all", bounds.all_mm, "bound [1] [2]"),
+            ("all, not known ahead", bounds.not_known_ahead_mm, "estimate [4]"),
+            ("feedforward alone", bounds.feedforward_mm, "estimate [3]"),
+        ]
+        .map(|(name, mm, kind)| vec![name.into(), millimetres(mm), String::new(), kind.into()]),
+    );
+    rows
+}
+
+/// Table of the strategies' errors \[mm\], with a column of remarks if there are any.
+fn strategy_table(strategies: &[StrategyError]) -> String {
+    let headings = ["strategy", "RMS true [mm]", "over the bound", "remark"];
     let has_remarks = strategies.iter().any(|s| s.remark.is_some());
-    let shown = if has_remarks { heads.len() } else { heads.len() - 1 };
-    let strategy_rows: Vec<Vec<String>> = strategies
+    let columns = if has_remarks { headings.len() } else { headings.len() - 1 };
+    let rows: Vec<Vec<String>> = strategies
         .iter()
         .map(|s| {
             let optional = |value: Option<f64>| value.map_or("-".into(), output::three_digits);
@@ -195,10 +201,20 @@ fn told(
                 optional(s.over_bound),
                 remark,
             ];
-            row.truncate(shown);
+            row.truncate(columns);
             row
         })
         .collect();
+    output::table(&headings[..columns], &rows)
+}
+
+/// Bounds by limit, the strategies' errors beside them, and the conditions.
+fn bounds_text(
+    choice: &MachineChoice,
+    bounds: &PerformanceBounds,
+    strategies: &[StrategyError],
+) -> String {
+    let [before, begun, ended] = bounds.payload_deviation_kg;
     let condition = |c: &Condition| {
         vec![c.name.into(), output::short(c.value), c.unit.into(), c.source.clone()]
     };
@@ -209,8 +225,7 @@ fn told(
             "; load changes are linearised about the new load: where oil stiffens with pressure, an estimate for small changes only, too high or too low for others"
         }
     };
-    let missing = Strategy::ALL.len() - strategies.len();
-    let interrupted = match missing {
+    let interrupted = match Strategy::ALL.len() - strategies.len() {
         0 => String::new(),
         count => format!("\n{count} strategies had not been run when it was interrupted"),
     };
@@ -224,12 +239,12 @@ fn told(
          Conditions\n{}",
         choice.name(),
         course_name(&bounds.course),
-        output::table(&["limit", "this alone", "all but this", "kind"], &rows),
+        output::table(&["limit", "this alone", "all but this", "kind"], &limit_rows(bounds)),
         output::three_digits(bounds.motor_gap_percent),
         output::three_digits(before),
         output::three_digits(begun),
         output::three_digits(ended),
-        output::table(&heads[..shown], &strategy_rows),
+        strategy_table(strategies),
         output::table(&["number", "value", "unit", "source"], &conditions),
     )
 }

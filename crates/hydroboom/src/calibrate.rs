@@ -47,6 +47,10 @@ pub struct Calibrate {
 
 impl Calibrate {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, a simulation of the model fails, or the journal cannot be read.
     pub fn run(self) -> Result<()> {
         let model = Description::uia_single_boom()?;
         let (name, template_text) = match &self.crane {
@@ -54,15 +58,16 @@ impl Calibrate {
             None => ("cranes/uia-virtual.toml (embedded)".to_string(), UIA_VIRTUAL.to_string()),
         };
         let template = Description::parse(&name, &template_text)?;
-        if let Some(asked) = &self.trade_off {
-            return trade(&model, &template, asked, self.json);
+        if let Some(values) = &self.trade_off {
+            return print_trade_off(&model, &template, values, self.json);
         }
         let effort = Effort {
             generations: self.generations,
             population: self.population.max(4),
             iterations: self.iterations,
         };
-        let path = self.journal.as_deref().map_or_else(|| beside(&self.out), Path::to_path_buf);
+        let path =
+            self.journal.as_deref().map_or_else(|| journal_beside(&self.out), Path::to_path_buf);
         let heading = format!("{:016x}", fingerprint(&template_text));
         let mut journal = Journal::open(&path, &heading).into_diagnostic()?;
 
@@ -73,13 +78,13 @@ impl Calibrate {
             ProgressStyle::with_template("{bar:40} {pos} of about {len} cranes, {msg}, {eta} left")
                 .into_diagnostic()?,
         );
-        let found = search(&model, &template, &effort, &mut journal, &|progress| {
+        let calibration = search(&model, &template, &effort, &mut journal, &|progress| {
             bar.set_position(progress.evaluations as u64);
             bar.set_message(format!("best {:.2}", progress.best));
         });
         bar.finish_and_clear();
-        let found = found.into_diagnostic()?;
-        let crane_file = found.crane_file(&template_text).into_diagnostic()?;
+        let calibration = calibration.into_diagnostic()?;
+        let crane_file = calibration.crane_file(&template_text).into_diagnostic()?;
         drop(journal);
         if output::file(&self.out, crane_file.as_bytes()) {
             // the result is written, so that the journal is not needed any more
@@ -87,25 +92,36 @@ impl Calibrate {
         }
         match self.json {
             true => output::json(&json!({
-                "written": self.out, "evaluations": found.evaluations,
-                "reached": found.reached(), "parameters": found.calibrated(),
+                "written": self.out, "evaluations": calibration.evaluations,
+                "reached": calibration.reached(), "parameters": calibration.calibrated(),
             })),
-            false => output::text(&(said(&found) + &output::named("written", &self.out))),
+            false => output::text(
+                &(calibration_text(&calibration) + &output::named("written", &self.out)),
+            ),
         }
     }
 }
 
 /// Default path of the journal, next to the crane file.
-fn beside(out: &Path) -> PathBuf {
+fn journal_beside(out: &Path) -> PathBuf {
     let mut path = out.as_os_str().to_owned();
     path.push(".journal");
     path.into()
 }
 
-/// Prints the effect of one key on every published result.
-fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -> Result<()> {
-    let wrong = || miette::miette!("--trade-off is KEY=VALUE,VALUE,..., not \"{asked}\"");
-    let (key, values) = asked.split_once('=').ok_or_else(wrong)?;
+/// Prints the published results with several values of one key, given as KEY=VALUE,VALUE,...
+///
+/// # Errors
+///
+/// If the text is another one, a value is outside the key's range, or a simulation fails.
+fn print_trade_off(
+    model: &Description,
+    crane: &Description,
+    key_and_values: &str,
+    as_json: bool,
+) -> Result<()> {
+    let wrong = || miette::miette!("--trade-off is KEY=VALUE,VALUE,..., not \"{key_and_values}\"");
+    let (key, values) = key_and_values.split_once('=').ok_or_else(wrong)?;
     let values = values
         .split(',')
         .map(|value| value.trim().parse::<f64>().map_err(|_| wrong()))
@@ -115,20 +131,20 @@ fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -
         crane.clone().set(&format!("{key}={value}"))?;
     }
     let bar = ProgressBar::new(values.len() as u64);
-    let shown = trade_off(model, crane, key, &values, &|done| bar.set_position(done as u64));
+    let results = trade_off(model, crane, key, &values, &|done| bar.set_position(done as u64));
     bar.finish_and_clear();
-    let shown = shown.into_diagnostic()?;
+    let results = results.into_diagnostic()?;
     let published = published();
     if as_json {
         return output::json(&json!({
-            "key": key, "values": values, "published": published, "shown": shown,
+            "key": key, "values": values, "published": published, "shown": results,
         }));
     }
     let rows: Vec<Vec<String>> = published
         .iter()
         .enumerate()
         .map(|(k, p)| {
-            let cells = shown.iter().map(|values| {
+            let cells = results.iter().map(|values| {
                 let off = (values[k] / p.value - 1.0).abs();
                 let mark = if off <= p.tolerance { "" } else { " *" };
                 format!("{:.3}{mark}", values[k])
@@ -147,15 +163,16 @@ fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -
     ))
 }
 
-/// Fingerprint of a template (Fowler-Noll-Vo hash).
+/// Fingerprint of a template: 64-bit FNV-1a (Fowler, Noll, Vo).
 fn fingerprint(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     })
 }
 
-fn said(found: &Found) -> String {
-    let reached: Vec<Vec<String>> = found
+/// Tables of the published results that are reached, and of the calibrated parameters.
+fn calibration_text(calibration: &Found) -> String {
+    let reached: Vec<Vec<String>> = calibration
         .reached()
         .iter()
         .map(|r| {
@@ -170,7 +187,7 @@ fn said(found: &Found) -> String {
             ]
         })
         .collect();
-    let calibrated: Vec<Vec<String>> = found
+    let calibrated: Vec<Vec<String>> = calibration
         .calibrated()
         .iter()
         .map(|c| {

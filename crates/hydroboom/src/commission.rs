@@ -130,7 +130,8 @@ impl Commission {
                 attend(&person)?;
                 let about = table.clone();
                 let core = Placement::default().control_core;
-                let started = FieldbusThread::start(InitialState::SafeOp, table, socket, core).into_diagnostic()?;
+                let started = FieldbusThread::start(InitialState::SafeOp, table, socket, core)
+                    .into_diagnostic()?;
                 let Started { thread, machine, facts, .. } = started;
                 let basis = of_bus(&model, &about, &facts);
                 let ran = consent(&basis).and_then(|()| {

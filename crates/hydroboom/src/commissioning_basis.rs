@@ -1,4 +1,4 @@
-//! What a commissioning is valid for: crane file, bus table, devices with their firmware, our version.
+//! Basis of a commissioning, for which its record is valid: crane file, bus table, devices with firmware, our version.
 
 use crate::output;
 use hydroboom_description::{Description, digest_of};
@@ -10,10 +10,10 @@ use hydroboom_realtime::commissioning::record::{self, Basis, Device};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::path::Path;
 
-/// What is said of firmware that a device does not state.
+/// Firmware of a device that does not state it.
 const NOT_STATED: &str = "not stated";
 
-/// Basis without devices.
+/// Basis of a model without devices.
 fn basis(model: &Description, is_simulated: bool) -> Basis {
     Basis {
         crane: model.digest(),
@@ -24,7 +24,7 @@ fn basis(model: &Description, is_simulated: bool) -> Basis {
     }
 }
 
-/// Of a virtual crane; its crane file is the device's identity.
+/// Basis of a virtual crane; the digest of its crane file is the device's identity.
 pub fn of_virtual(model: &Description, machine: &Description) -> Basis {
     let device = Device {
         name: machine.name.clone(),
@@ -34,7 +34,7 @@ pub fn of_virtual(model: &Description, machine: &Description) -> Basis {
     Basis { devices: vec![device], ..basis(model, true) }
 }
 
-/// Of a machine on the local interface, whose session has begun.
+/// Basis of a machine on the local interface, whose session has begun. Without a peer it is a real machine.
 pub fn of_local(model: &Description, bus: &BusTask) -> Basis {
     let peer = bus.endpoint.machine().map_or(Peer::RealMachine, |(_, peer)| peer);
     let firmware = match bus.endpoint.firmware() {
@@ -49,7 +49,7 @@ pub fn of_local(model: &Description, bus: &BusTask) -> Basis {
     Basis { devices: vec![device], ..basis(model, peer == Peer::SimulatedMachine) }
 }
 
-/// Of devices on a bus. It is simulated where every device says so.
+/// Basis of the devices on a bus with its table. It is simulated if every device reports that it is.
 pub fn of_bus(model: &Description, table: &Table, facts: &[DeviceFacts]) -> Basis {
     let devices = facts.iter().zip(&table.devices).map(|(device, row)| {
         let [vendor, product, revision] = device.identity;
@@ -72,6 +72,10 @@ pub fn of_bus(model: &Description, table: &Table, facts: &[DeviceFacts]) -> Basi
 
 /// Refuses to move a real machine that was not commissioned as it is now. A simulated one needs no record; one that is
 /// named is checked all the same.
+///
+/// # Errors
+///
+/// If the record cannot be read or is of another basis, or a real machine has none.
 pub fn demand(record: Option<&Path>, now: &Basis) -> Result<()> {
     match record {
         Some(path) => record::check(path, now).into_diagnostic().wrap_err(

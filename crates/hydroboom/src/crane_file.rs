@@ -29,6 +29,10 @@ impl CraneFile {
     }
 
     /// Whether the crane with its overrides is the paper's. The paper's values are shown for no other.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file or an override is invalid.
     pub fn is_papers_crane(&self) -> Result<bool> {
         let mut crane = match &self.crane {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
@@ -43,7 +47,7 @@ impl CraneFile {
         self.crane.as_deref()
     }
 
-    /// The options as arguments for another process.
+    /// The options as arguments of a command in another process.
     pub fn arguments(&self) -> Vec<OsString> {
         let crane = self.crane.iter().flat_map(|path| ["--crane".into(), path.as_os_str().into()]);
         crane.chain(self.set.iter().flat_map(|set| ["--set".into(), set.into()])).collect()
@@ -54,12 +58,16 @@ impl CraneFile {
         self.arguments().iter().map(|part| format!(" {}", part.to_string_lossy())).collect()
     }
 
-    /// Text of the crane file; the paper's by default.
+    /// Text of the crane file without the overrides; the paper's by default.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read.
     pub fn text(&self) -> Result<String> {
         self.crane.as_deref().map_or_else(|| Ok(UIA_SINGLE_BOOM.into()), text)
     }
 
-    /// Overrides as entered.
+    /// Overrides `section.key=value` as entered.
     pub fn overrides(&self) -> &[String] {
         &self.set
     }
@@ -69,13 +77,21 @@ impl CraneFile {
         !self.set.is_empty()
     }
 
-    /// Reads the crane, the paper's by default, applies the overrides, and prints warnings. A
-    /// valve-controlled crane is refused, because most experiments need the pump.
+    /// Reads the crane, the paper's by default, applies the overrides, and prints warnings.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file or an override is invalid. Also for a valve-controlled crane, because most experiments need
+    /// the pump.
     pub fn read(&self) -> Result<Description> {
         self.read_or(Description::uia_single_boom)
     }
 
-    /// The same with another default.
+    /// Reads the crane as [`read`](Self::read) does, with another default.
+    ///
+    /// # Errors
+    ///
+    /// As of [`read`](Self::read).
     pub fn read_or(
         &self,
         embedded: impl FnOnce() -> Result<Description, DescriptionError>,
@@ -83,11 +99,16 @@ impl CraneFile {
         self_contained(self.read_any_or(embedded)?)
     }
 
-    /// Reads a crane with any circuit.
+    /// Reads a crane with any circuit, the paper's by default.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file or an override is invalid.
     pub fn read_any(&self) -> Result<Description> {
         self.read_any_or(Description::uia_single_boom)
     }
 
+    /// Reads a crane with any circuit, and records it for the origin of reports.
     fn read_any_or(
         &self,
         embedded: impl FnOnce() -> Result<Description, DescriptionError>,
@@ -112,7 +133,11 @@ impl CraneFile {
     }
 }
 
-/// The crane, if it has the paper's circuit.
+/// The crane, if it has the paper's circuit with a pump of its own.
+///
+/// # Errors
+///
+/// If it is valve-controlled.
 pub fn self_contained(description: Description) -> Result<Description> {
     match description.choices.circuit {
         CircuitChoice::SelfContained => Ok(description),
@@ -128,16 +153,24 @@ pub fn self_contained(description: Description) -> Result<Description> {
 const UIA_NAME: &str = "UiA single boom";
 
 /// Longest crane file, mapping or survey \[B\].
-const LONGEST: u64 = 4_000_000;
+const LONGEST_FILE: u64 = 4_000_000;
 
-/// Text of a crane file.
+/// Text of a crane file, which is recorded for the origin of reports.
+///
+/// # Errors
+///
+/// If the file cannot be read, is too long, or is no text.
 pub fn text(path: &Path) -> Result<String> {
     text_of(path, "crane file")
 }
 
-/// Text of a file written by a user; `what` names its kind.
+/// Text of a file written by a user, which is recorded for the origin of reports; `what` names its kind.
+///
+/// # Errors
+///
+/// If the file cannot be read, is longer than 4 MB, or is no text.
 pub fn text_of(path: &Path, what: &'static str) -> Result<String> {
-    let text = hydroboom_files::text(path, what, LONGEST).into_diagnostic()?;
+    let text = hydroboom_files::text(path, what, LONGEST_FILE).into_diagnostic()?;
     origin::read(what, path, &text);
     Ok(text)
 }

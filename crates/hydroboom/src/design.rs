@@ -63,6 +63,10 @@ pub struct Design {
 
 impl Design {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, or a loop cannot be linearised.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         if self.benchmark {
@@ -123,6 +127,7 @@ impl Design {
         output::text(&text)
     }
 
+    /// Prints the observability of the estimator's states: reduction of each standard deviation by each phase.
     fn observability_of(&self, crane: &Description) -> Result<()> {
         let phases = observability(crane, crane.numbers.fast).into_diagnostic()?;
         if self.json {
@@ -158,20 +163,22 @@ impl Design {
     }
 }
 
-/// A phase margin, or a dash where the loop's gain is nowhere one.
+/// A phase margin \[deg\], or a dash where the loop's gain is nowhere one.
 fn phase(degrees: f64) -> String {
     if degrees.is_finite() { format!("{degrees:.0}") } else { "-".into() }
 }
 
+/// A gain margin \[-\], or a dash where no gain makes the loop unstable.
 fn gain(factor: f64) -> String {
     if factor.is_finite() { format!("{factor:.1}") } else { "-".into() }
 }
 
-/// A modulus margin, or a dash where no loop of a family has one.
+/// A modulus margin \[-\], or a dash where no loop of a family has one.
 fn modulus(distance: f64) -> String {
     output::optional(Some(distance).filter(|d| d.is_finite()), 2)
 }
 
+/// Table of the margins over a family, with its conditions.
 fn over_family(family: &[FamilyMargins]) -> String {
     let header = [
         "over the family",
@@ -192,6 +199,7 @@ fn over_family(family: &[FamilyMargins]) -> String {
     )
 }
 
+/// Row of a controller: unstable loops, margins over the family, and the worst crane.
 fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     let m = &of.worst.margins;
     let margins = match m.is_stable() {
@@ -210,6 +218,7 @@ fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     row
 }
 
+/// Table of load mode and margins, a row for each piston position.
 fn table(reports: &[DesignReport]) -> String {
     let rows: Vec<Vec<String>> = reports
         .iter()

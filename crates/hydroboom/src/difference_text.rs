@@ -7,20 +7,21 @@ use hydroboom_identify::{
 };
 use hydroboom_measurement::Signal;
 
-/// Context of a signal's difference.
+/// All differences of a log from the model, and their explanation by faults of signals.
 pub struct Context<'a> {
     /// Differences of all signals as measured.
-    pub found: &'a Differences,
-    /// Judgements beyond their limits.
+    pub differences: &'a Differences,
+    /// Judgements of these differences that are beyond their limits.
     pub complaints: &'a [Judgement],
     /// Faults of signals.
     pub faults: &'a [SignalFault],
-    /// Differences after correction of the isolated faults.
-    pub left: &'a Differences,
+    /// Differences that remain after correction of the isolated faults.
+    pub remaining: &'a Differences,
 }
 
-/// Description of a signal's difference.
-pub fn said(d: &Difference, context: &Context<'_>) -> String {
+/// Description of a signal's difference: offset, drift, scale, delay, oscillation; the fault of its sensor; what of it
+/// remains after correction of the faults of others.
+pub fn text(d: &Difference, context: &Context<'_>) -> String {
     let (unit, size) = d.signal.shown();
     let symbol = d.signal.symbol();
     if let Some(far) = d.unresolved {
@@ -39,37 +40,38 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     if own.is_empty() && is_noise {
         return format!("{symbol}: only sensor noise remains.");
     }
-    let mut parts = [explained(d), of_time(d, context), oscillation(d, &own)].concat();
+    let mut parts =
+        [static_errors(d), timing_errors(d, context), oscillation_errors(d, &own)].concat();
     if parts.is_empty() {
         parts.push(format!("differs by {} {unit} RMS", three_digits(d.rms / size)));
     }
-    let mut said = format!("{symbol}: {}.", parts.join("; "));
+    let mut sentences = format!("{symbol}: {}.", parts.join("; "));
     if own.is_empty() {
-        said += " That is within its limit.";
+        sentences += " That is within its limit.";
     }
     if let Some(fault) = context.faults.iter().find(|fault| fault.signal == d.signal) {
-        return said + &of_sensor(fault);
+        return sentences + &sensor_fault(fault);
     }
     // a delay that is reported already is not repeated
-    let is_said = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
-    let causes = context.faults.iter().filter(|fault| fault.is_isolable() && !is_said(fault));
+    let is_reported = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
+    let causes = context.faults.iter().filter(|fault| fault.is_isolable() && !is_reported(fault));
     let causes: Vec<&SignalFault> =
         causes.filter(|fault| fault.explains.contains(&d.signal)).collect();
     if let (Some(left), false) =
-        (context.left.iter().find(|l| l.signal == d.signal), causes.is_empty())
+        (context.remaining.iter().find(|l| l.signal == d.signal), causes.is_empty())
     {
-        let causes: Vec<String> = causes.iter().map(|fault| named(fault)).collect();
+        let causes: Vec<String> = causes.iter().map(|fault| fault_name(fault)).collect();
         let rms = three_digits(left.rms / size);
-        said += &format!(
+        sentences += &format!(
             " Most of it is due to the {}: {rms} {unit} RMS would remain.",
             causes.join(" and the ")
         );
     }
-    said
+    sentences
 }
 
 /// Name of a fault: "offset of p_B".
-fn named(fault: &SignalFault) -> String {
+fn fault_name(fault: &SignalFault) -> String {
     let what = match fault.fault {
         Fault::Offset(_) => "offset",
         Fault::Scale(_) => "scale",
@@ -87,8 +89,8 @@ fn listed(signals: &[Signal]) -> String {
     }
 }
 
-/// Description of an input delay, one cause for all signals that follow the input.
-pub fn of_input(fault: &SignalFault) -> Option<String> {
+/// Description of an input delay, one cause for all signals that follow the input; none for another fault.
+pub fn input_delay(fault: &SignalFault) -> Option<String> {
     let Fault::Delay(late) = fault.fault else { return None };
     let way = if late > 0.0 { "late" } else { "early" };
     let why = match (fault.signal, late > 0.0) {
@@ -119,8 +121,8 @@ pub fn of_input(fault: &SignalFault) -> Option<String> {
     ))
 }
 
-/// Description of a constant sensor error.
-fn of_sensor(error: &SignalFault) -> String {
+/// Description of a constant fault of a sensor, with its correction in the mapping.
+fn sensor_fault(error: &SignalFault) -> String {
     let (unit, size) = error.signal.shown();
     let (what, mapping) = match error.fault {
         Fault::Offset(off) => (
@@ -171,9 +173,14 @@ fn of_sensor(error: &SignalFault) -> String {
 /// Smallest relative change of a quantity by a key that is reported.
 const MOVED: f64 = 0.01;
 
-/// Advice for all signals together.
-pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> Option<String> {
-    if complaints.is_empty() || !is_asked {
+/// Advice for all signals together: changes of keys that reduce the differences. None without a judgement beyond its
+/// limit, and if no key could be the cause (`asks_for_keys` is false).
+pub fn advice(
+    complaints: &[Judgement],
+    remedies: &[Remedy],
+    asks_for_keys: bool,
+) -> Option<String> {
+    if complaints.is_empty() || !asks_for_keys {
         return None;
     }
     if remedies.is_empty() {
@@ -223,17 +230,17 @@ fn moved(of: &Moved) -> String {
 }
 
 /// Whether a judgement beyond its limit could be due to keys and not to a delayed sensor or a clock.
-pub fn asks_for_keys(left: &Differences) -> bool {
+pub fn asks_for_keys(remaining: &Differences) -> bool {
     let is_other = |j: &Judgement| {
         let is_size = matches!(j.aspect, Aspect::Position | Aspect::Pressures);
-        let of = left.iter().find(|d| d.signal == j.signal);
+        let of = remaining.iter().find(|d| d.signal == j.signal);
         is_size && of.is_some_and(|d| d.is_late() || d.is_of_clock())
     };
-    complaints(left).iter().any(|j| !is_other(j))
+    complaints(remaining).iter().any(|j| !is_other(j))
 }
 
-/// Warning for a simulation beyond the model's range of validity; `highest` is its largest pressure \[Pa\].
-pub fn beyond(highest: f64) -> Option<String> {
+/// Warning of a simulation beyond the model's range of validity; `highest` is its largest pressure \[Pa\].
+pub fn remark_on_validity(highest: f64) -> Option<String> {
     (highest > LIMITS.highest_pressure).then(|| {
         format!(
             "the model reaches {:.0} bar: its piston is driven against an end stop, and no relief valve opens",
@@ -243,9 +250,9 @@ pub fn beyond(highest: f64) -> Option<String> {
 }
 
 /// Description of offset, drift and scale.
-fn explained(d: &Difference) -> Vec<String> {
+fn static_errors(d: &Difference) -> Vec<String> {
     let (unit, size) = d.signal.shown();
-    let Some(found) = d.parts else { return Vec::new() };
+    let Some(explained) = d.parts else { return Vec::new() };
     let signed = |value: f64| {
         let sign = if value > 0.0 { "+" } else { "" };
         format!("{sign}{}", three_digits(value))
@@ -256,22 +263,22 @@ fn explained(d: &Difference) -> Vec<String> {
             parts.push(format!("{what}, {:.0} % of the difference's power", share * 100.0));
         }
     };
-    let offset = signed(found.offset.value / size);
-    report(found.offset.share, format!("has an offset of {offset} {unit} from the model"));
-    let drift = signed(found.drift.value / size);
-    report(found.drift.share, format!("drifts from the model by {drift} {unit}/s"));
-    let way = if found.scale.value > 0.0 { "more" } else { "less" };
-    let scale = three_digits(found.scale.value.abs() * 100.0);
-    let scale = match found.scale.value < -1.0 {
+    let offset = signed(explained.offset.value / size);
+    report(explained.offset.share, format!("has an offset of {offset} {unit} from the model"));
+    let drift = signed(explained.drift.value / size);
+    report(explained.drift.share, format!("drifts from the model by {drift} {unit}/s"));
+    let way = if explained.scale.value > 0.0 { "more" } else { "less" };
+    let scale = three_digits(explained.scale.value.abs() * 100.0);
+    let scale = match explained.scale.value < -1.0 {
         true => "moves in the opposite direction to the model".into(),
         false => format!("moves {scale} % {way} than the model"),
     };
-    report(found.scale.share, scale);
+    report(explained.scale.share, scale);
     parts
 }
 
 /// Description of a delay or a clock drift.
-fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
+fn timing_errors(d: &Difference, context: &Context<'_>) -> Vec<String> {
     if let (true, Some([first, second]), Some(drift)) = (d.is_of_clock(), d.delay_halves, d.drift) {
         return vec![format!(
             "is {:.1} ms late in the first half and {:.1} ms in the second, which explains most of the difference: clock drift \
@@ -289,7 +296,7 @@ fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     let is_alone = |other: &Difference| other.signal == d.signal || other.delay.is_none();
     let why = if let Some(input) = context.faults.iter().find(is_of_input) {
         format!(", due to the delay of {}", input.signal.symbol())
-    } else if context.found.iter().all(is_alone) {
+    } else if context.differences.iter().all(is_alone) {
         ": a delay of sensor or fieldbus (delay_ms in the mapping), or of the machine's input; no other signal \
          shows which".into()
     } else if delay > 0.0 {
@@ -304,7 +311,7 @@ fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
 }
 
 /// Description of the oscillations of log and model beyond their limits.
-fn oscillation(d: &Difference, own: &[&Judgement]) -> Vec<String> {
+fn oscillation_errors(d: &Difference, own: &[&Judgement]) -> Vec<String> {
     // an oscillation without an identified damping has no reliable frequency
     let reliable = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
     let (Some(log), Some(model)) = (reliable(d.ringing), reliable(d.model_ringing)) else {
@@ -378,9 +385,10 @@ mod tests {
     }
 
     fn read(d: &Difference, faults: &[SignalFault]) -> String {
-        let found = vec![d.clone()];
-        let complaints = complaints(&found);
-        said(d, &Context { found: &found, complaints: &complaints, faults, left: &found })
+        let differences = vec![d.clone()];
+        let complaints = complaints(&differences);
+        let (differences, complaints) = (&differences, &complaints);
+        text(d, &Context { differences, complaints, faults, remaining: differences })
     }
 
     #[test]
@@ -475,6 +483,7 @@ mod tests {
         assert!(text.contains("is 20.0 ms late") && !text.contains("key"), "{text}");
         assert!(text.contains("no other signal shows which"), "{text}");
         assert!(!asks_for_keys(&vec![late]));
-        assert!(beyond(3.5e8).unwrap().contains("3500 bar") && beyond(3e7).is_none());
+        assert!(remark_on_validity(3.5e8).unwrap().contains("3500 bar"));
+        assert!(remark_on_validity(3e7).is_none());
     }
 }

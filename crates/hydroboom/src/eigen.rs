@@ -25,6 +25,10 @@ pub struct Eigen {
 
 impl Eigen {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, or no piston position has an eigenfrequency.
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
         let (mut rows, mut failed) = (Vec::new(), Vec::new());
@@ -131,7 +135,7 @@ fn shapes(description: &Description, rows: &[eigenfrequency::Row]) -> String {
     )
 }
 
-/// Table 5, "paper | here".
+/// Table 5: eigenfrequencies \[Hz\] with the load held, "paper | here".
 pub fn table(rows: &[eigenfrequency::Row]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()

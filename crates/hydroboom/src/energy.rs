@@ -27,6 +27,10 @@ pub struct Energy {
 
 impl Energy {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, or a simulation fails.
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
         let audits: Vec<Audit> = self
@@ -44,7 +48,7 @@ impl Energy {
     }
 }
 
-/// Table of the energy balances.
+/// Table of the energy balances \[J\]: change = pump work − losses + mass defects, and the residual.
 pub fn table(audits: &[Audit]) -> String {
     let rows: Vec<Vec<String>> = audits
         .iter()
@@ -72,8 +76,8 @@ pub fn table(audits: &[Audit]) -> String {
     format!("Energy over one fast cycle\n{}\n{PUMP_WORK}", output::table(&header, &rows))
 }
 
-/// Table of numerical damping and order of the schemes.
-pub fn damping_table(schemes: &[NumericalDamping]) -> String {
+/// Table of numerical damping \[-\] and order of the schemes.
+fn damping_table(schemes: &[NumericalDamping]) -> String {
     let rows: Vec<Vec<String>> = schemes
         .iter()
         .map(|s| {

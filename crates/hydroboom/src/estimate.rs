@@ -45,6 +45,10 @@ pub struct Estimate {
 
 impl Estimate {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, the log lacks the piston position, or a needed signal is unusable.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
         let (log, mapping) = self.mapping.read(&self.log, &crane)?;
@@ -67,36 +71,37 @@ impl Estimate {
         }
         signals.need(Signal::Stroke, &log).into_diagnostic()?;
         let window = self.window.of();
-        let found = estimate(&crane, &signals, (window.from, window.to)).into_diagnostic()?;
+        let estimate = estimate(&crane, &signals, (window.from, window.to)).into_diagnostic()?;
         let mut notes = log.remarks.clone();
         notes.extend(suspicions.iter().map(|s| format!("suspicious: {}", s.text)));
         let name = self.log.display().to_string();
         if let Some(path) = &self.out {
-            let page = estimation_page(&name, &crane.name, &found, &notes).into_diagnostic()?;
+            let page = estimation_page(&name, &crane.name, &estimate, &notes).into_diagnostic()?;
             output::page(path, &page, None);
         }
         if let Some(path) = &self.csv {
-            output::written(path, write(path, &found));
+            output::written(path, write(path, &estimate));
         }
         if self.json {
-            return output::json(&in_json(&name, &crane.name, &found, &notes));
+            return output::json(&in_json(&name, &crane.name, &estimate, &notes));
         }
-        output::text(&self.text(&crane.name, &found, &notes))
+        output::text(&self.text(&crane.name, &estimate, &notes))
     }
 
-    fn text(&self, crane: &str, found: &LogEstimate, notes: &[String]) -> String {
-        let verdict = &found.verdict;
-        let mut said = format!(
+    /// Verdict, estimates at the end with their bounds, statistics of the innovations, and notes.
+    fn text(&self, crane: &str, estimate: &LogEstimate, notes: &[String]) -> String {
+        let verdict = &estimate.verdict;
+        let mut text = format!(
             "{}: {:.1} s beside \"{crane}\"\nverdict: {}",
             self.log.display(),
-            found.duration,
+            estimate.duration,
             verdict.sentence()
         );
         for finding in &verdict.findings {
-            said += &format!("\nfinding: {}", finding.text);
+            text += &format!("\nfinding: {}", finding.text);
         }
         let two = |value: f64| format!("{value:.2}");
-        if let Some(last) = found.last_released() {
+        if let Some(last) = estimate.last_released() {
             let rows: Vec<Vec<String>> = ESTIMATES
                 .iter()
                 .enumerate()
@@ -106,13 +111,13 @@ impl Estimate {
                         format!("{} [{}]", readable(name), unit(name)),
                         two(last.estimate[k]),
                         two(2.0 * last.deviation[k]),
-                        two(2.0 * found.initial_deviation[k]),
+                        two(2.0 * estimate.initial_deviation[k]),
                     ]
                 })
                 .collect();
-            let heading = found.last_heading();
+            let heading = estimate.last_heading();
             let header = [heading.as_str(), "estimate", "bound (2 sigma)", "at the start"];
-            said += &format!("\n{}", output::table(&header, &rows));
+            text += &format!("\n{}", output::table(&header, &rows));
         }
         let rows: Vec<Vec<String>> =
             [("position", &verdict.position), ("load pressure", &verdict.load_pressure)]
@@ -127,17 +132,17 @@ impl Estimate {
                 })
                 .to_vec();
         let header = ["innovations", "seconds", "mean NIS", "consistent [%]", "mean [sigma]"];
-        said += &format!("\n\n{}\n", output::table(&header, &rows));
-        for text in &verdict.unobservable {
-            said += &format!("\nunobservable: {text}");
+        text += &format!("\n\n{}\n", output::table(&header, &rows));
+        for quantity in &verdict.unobservable {
+            text += &format!("\nunobservable: {quantity}");
         }
-        for note in notes.iter().chain(&found.remarks) {
-            said += &format!("\nnote: {note}");
+        for note in notes.iter().chain(&estimate.remarks) {
+            text += &format!("\nnote: {note}");
         }
         for path in self.out.iter().chain(&self.csv) {
-            said += &output::named("written", path);
+            text += &output::named("written", path);
         }
-        said
+        text
     }
 }
 
@@ -155,9 +160,10 @@ fn columns() -> Vec<String> {
     header
 }
 
-fn write(path: &Path, found: &LogEstimate) -> Result<(), FileError> {
+/// Writes the estimates over time.
+fn write(path: &Path, estimate: &LogEstimate) -> Result<(), FileError> {
     let mut log = Log::begin(path, &columns());
-    for row in &found.rows {
+    for row in &estimate.rows {
         let mut values = vec![row.time, f64::from(u8::from(row.is_held))];
         values.extend(row.estimate);
         values.extend(row.deviation);
@@ -169,30 +175,31 @@ fn write(path: &Path, found: &LogEstimate) -> Result<(), FileError> {
     log.finish()
 }
 
-fn in_json(log: &str, crane: &str, found: &LogEstimate, notes: &[String]) -> Value {
-    let verdict = &found.verdict;
+/// Verdict and estimates as JSON.
+fn in_json(log: &str, crane: &str, estimate: &LogEstimate, notes: &[String]) -> Value {
+    let verdict = &estimate.verdict;
     let mut at_end = Map::new();
-    if let Some(last) = found.last_released() {
+    if let Some(last) = estimate.last_released() {
         for (k, (name, _)) in ESTIMATES.iter().enumerate() {
             let value = json!({
                 "estimated": last.estimate[k], "deviation": last.deviation[k],
-                "initial_deviation": found.initial_deviation[k],
+                "initial_deviation": estimate.initial_deviation[k],
             });
             at_end.insert((*name).to_string(), value);
         }
     }
-    let prior = found.unknown_flow_prior.map(|prior| {
+    let prior = estimate.unknown_flow_prior.map(|prior| {
         json!({ "deviation_l_min": prior.initial_deviation * 60e3, "random_walk_l_min_per_sqrt_s": prior.random_walk * 60e3 })
     });
     json!({
-        "log": log, "crane": crane, "begin_s": found.begin, "duration_s": found.duration,
-        "filter_period_ms": found.period * 1e3,
-        "position_interval_ms": found.interval[0] * 1e3, "pressure_interval_ms": found.interval[1] * 1e3,
-        "position_noise_mm": found.noise[0] * 1e3, "load_pressure_noise_bar": found.noise[1] * 1e-5,
+        "log": log, "crane": crane, "begin_s": estimate.begin, "duration_s": estimate.duration,
+        "filter_period_ms": estimate.period * 1e3,
+        "position_interval_ms": estimate.interval[0] * 1e3, "pressure_interval_ms": estimate.interval[1] * 1e3,
+        "position_noise_mm": estimate.noise[0] * 1e3, "load_pressure_noise_bar": estimate.noise[1] * 1e-5,
         "unknown_flow_prior": prior,
         "verdict": verdict.sentence(), "consistent": verdict.is_consistent,
         "innovations": { "position": verdict.position, "load_pressure": verdict.load_pressure },
         "findings": verdict.findings, "unobservable": verdict.unobservable, "load_changes_s": verdict.load_changes_s,
-        "estimated_at_s": found.last_released().map(|row| row.time), "at_end": at_end, "notes": notes.iter().chain(&found.remarks).collect::<Vec<_>>(),
+        "estimated_at_s": estimate.last_released().map(|row| row.time), "at_end": at_end, "notes": notes.iter().chain(&estimate.remarks).collect::<Vec<_>>(),
     })
 }

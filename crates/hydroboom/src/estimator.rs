@@ -1,10 +1,10 @@
 //! `hydroboom estimator`
 
 use crate::crane_file::CraneFile;
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -16,8 +16,9 @@ use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 
-/// Names of the motion at both speeds.
+/// Name of the motion at the slow speed.
 const SLOW: &str = "slow";
+/// Name of the motion at the fast speed.
 const FAST: &str = "fast";
 /// Scenario of eight hours, which is run only if named.
 const SHIFT: &str = "shift";
@@ -53,6 +54,10 @@ pub struct Estimator {
 
 impl Estimator {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, a crane cannot be built, or no crane had completed its courses at an interruption.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
         let (model, nominal) = (&choice.model, &choice.machine);
@@ -65,29 +70,30 @@ impl Estimator {
         let work = Interruptible::new(self.family, "cranes")?;
         let go_on = |share: f64| work.done(share);
         let controller = self.strategy.into();
-        let found = consistency(model, nominal, controller, &courses, (cranes, self.seed), &go_on);
+        let result = consistency(model, nominal, controller, &courses, (cranes, self.seed), &go_on);
         drop(work);
-        let found = found.into_diagnostic()?;
-        if found.cranes.is_empty() {
+        let result = result.into_diagnostic()?;
+        if result.cranes.is_empty() {
             bail!("interrupted before any of {} cranes had completed its courses", self.family);
         }
         if self.json {
             return output::json(&json!({
                 "asked": self.family, "seed": self.seed, "from": self.from,
-                "strategy": self.strategy.name(), "consistency": found, "plant": choice.json(),
+                "strategy": self.strategy.name(), "consistency": result, "plant": choice.json(),
             }));
         }
-        let done = of_asked(found.cranes.len(), self.family as usize);
+        let done = of_requested(result.cranes.len(), self.family as usize);
         output::text(&format!(
             "{done} virtual cranes around \"{}\", seed {}, first {}, under {}\n{}",
             choice.name(),
             self.seed,
             self.from,
             self.strategy.name(),
-            text(&found)
+            text(&result)
         ))
     }
 
+    /// Named courses; by default the motion at both speeds, and all scenarios but the shift.
     fn courses(&self, nominal: &Description) -> Vec<CourseChoice> {
         let n = &nominal.numbers;
         let of = |name: &str| match name {
@@ -104,13 +110,14 @@ impl Estimator {
     }
 }
 
-fn text(found: &Consistency) -> String {
-    let failed = match found.failed.is_empty() {
+/// Tables of the innovations (NIS), and of the estimation errors (NEES) in all and by course.
+fn text(result: &Consistency) -> String {
+    let failed = match result.failed.is_empty() {
         true => String::new(),
-        false => format!("\n\nnot finished, and not counted:\n  {}", found.failed.join("\n  ")),
+        false => format!("\n\nnot finished, and not counted:\n  {}", result.failed.join("\n  ")),
     };
     let of = |is: &dyn Fn(&ErrorRow) -> bool| {
-        let cells: Vec<_> = found.errors.iter().filter(|row| is(row)).map(error_cells).collect();
+        let cells: Vec<_> = result.errors.iter().filter(|row| is(row)).map(error_cells).collect();
         let header = [
             "",
             "quantity",
@@ -126,7 +133,7 @@ fn text(found: &Consistency) -> String {
         ];
         output::table(&header, &cells)
     };
-    let cells: Vec<_> = found.innovations.iter().map(innovation_cells).collect();
+    let cells: Vec<_> = result.innovations.iter().map(innovation_cells).collect();
     let header = [
         "course",
         "measured",
@@ -140,7 +147,7 @@ fn text(found: &Consistency) -> String {
         "",
     ];
     let longest =
-        found.inconsistent.iter().max_by(|a, b| a.longest_s.total_cmp(&b.longest_s)).map(|t| {
+        result.inconsistent.iter().max_by(|a, b| a.longest_s.total_cmp(&b.longest_s)).map(|t| {
             format!(
                 "; mean NIS above estimator.nis_inconsistent for {:.2} s at most ({})",
                 t.longest_s, t.course
@@ -159,6 +166,7 @@ fn text(found: &Consistency) -> String {
     )
 }
 
+/// Verdict on a row: empty if it is consistent.
 fn verdict(is_consistent: Option<bool>) -> String {
     match is_consistent {
         Some(true) => "",
@@ -168,6 +176,7 @@ fn verdict(is_consistent: Option<bool>) -> String {
     .into()
 }
 
+/// Row of a measured quantity along a course.
 fn innovation_cells(row: &InnovationRow) -> Vec<String> {
     let s = &row.summary;
     vec![
@@ -184,6 +193,7 @@ fn innovation_cells(row: &InnovationRow) -> Vec<String> {
     ]
 }
 
+/// Row of an estimated quantity, in all or along a course.
 fn error_cells(row: &ErrorRow) -> Vec<String> {
     let s = &row.summary;
     let small = |value: f64| match value.abs() < 10.0 {

@@ -3,7 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::paths::OutputFile;
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use crate::{healthy, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
@@ -56,6 +56,9 @@ pub struct Faults {
     json: bool,
 }
 
+/// Largest number of cases beyond their bounds that are printed.
+const MOST_CASES: usize = 40;
+
 /// Crane and outcome of a case.
 struct Case {
     crane: String,
@@ -64,18 +67,22 @@ struct Case {
 
 impl Faults {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, no fault has such a name, or a crane cannot be built.
     pub fn run(self) -> Result<()> {
         if let Some(count) = self.healthy {
             let choice = MachineChoice::read(&self.crane, None)?;
-            let asked = (count, self.seed);
-            return healthy::run(&choice.model, &choice.machine, asked, &self.strategy, self.json);
+            let family = (count, self.seed);
+            return healthy::run(&choice.model, &choice.machine, family, &self.strategy, self.json);
         }
-        let wanted = self.only.as_deref().unwrap_or("");
+        let part = self.only.as_deref().unwrap_or("");
         let faults: Vec<Fault> =
-            Fault::all().into_iter().filter(|fault| fault.name().contains(wanted)).collect();
+            Fault::all().into_iter().filter(|fault| fault.name().contains(part)).collect();
         if faults.is_empty() {
             let names: Vec<String> = Fault::all().into_iter().map(Fault::name).collect();
-            miette::bail!(help = names.join(", "), "no fault's name contains \"{wanted}\"");
+            miette::bail!(help = names.join(", "), "no fault's name contains \"{part}\"");
         }
         let cranes = self.cranes()?;
         let mut cases = Vec::new();
@@ -104,7 +111,7 @@ impl Faults {
             }));
         }
         let rows: Vec<Vec<String>> = faults.iter().map(|fault| row(*fault, &cases)).collect();
-        let mut said = format!(
+        let mut text = format!(
             "{} faults, {} cases under {}: the worst of each over cranes, strategies and moments. Moved: off the course until the\n\
              stop, and from there; safe: pilots without pressure, motor at rest (a machine that is not enabled yet waits\n\
              supervision.wait_s before it gives up); dropped: below where the load was held\n{}\n",
@@ -113,22 +120,25 @@ impl Faults {
             names(&strategies).join(", "),
             output::table(&HEADER, &rows)
         );
-        said += &match beyond.is_empty() {
+        text += &match beyond.is_empty() {
             true => "every case keeps to its computed bounds: of movement, and of time where the fault has one".to_string(),
             false => {
-                let rows: Vec<Vec<String>> = beyond.iter().take(40).map(|c| detail(c)).collect();
+                let rows: Vec<Vec<String>> = beyond.iter().take(MOST_CASES).map(|c| case_row(c)).collect();
                 format!(
                     "{} cases beyond their computed bounds{}:\n{}",
                     beyond.len(),
-                    if beyond.len() > 40 { ", of which 40" } else { "" },
-                    output::table(&DETAIL, &rows)
+                    match beyond.len() > MOST_CASES {
+                        true => format!(", of which {MOST_CASES}"),
+                        false => String::new(),
+                    },
+                    output::table(&CASE_HEADER, &rows)
                 )
             }
         };
         if let Some(path) = &self.report {
-            said += &output::named("report", path);
+            text += &output::named("report", path);
         }
-        output::text(&said)
+        output::text(&text)
     }
 
     /// Selected strategies, each once and in their order; all by default.
@@ -137,6 +147,7 @@ impl Faults {
         Strategy::ALL.into_iter().filter(is_wanted).collect()
     }
 
+    /// Names and cranes of the campaign: that of the options, otherwise the first or all of the campaign's own.
     fn cranes(&self) -> Result<Vec<(String, CampaignCrane)>> {
         if !self.crane.is_embedded() || self.crane.is_overridden() {
             let MachineChoice { model, machine, .. } = MachineChoice::read(&self.crane, None)?;
@@ -159,7 +170,11 @@ impl Faults {
     }
 }
 
-/// All cases of one crane.
+/// All cases of one crane: every fault, with each of the second ones, under every strategy at every moment.
+///
+/// # Errors
+///
+/// If the crane cannot be simulated up to a moment.
 fn campaign(
     name: &str,
     crane: &CampaignCrane,
@@ -197,10 +212,12 @@ fn campaign(
         .collect())
 }
 
+/// Names of strategies.
 fn names(strategies: &[Strategy]) -> Vec<&'static str> {
     strategies.iter().map(|strategy| strategy.name()).collect()
 }
 
+/// A case with its outcome and bounds.
 fn in_json(case: &Case) -> serde_json::Value {
     let o = &case.outcome;
     json!({
@@ -215,6 +232,7 @@ fn in_json(case: &Case) -> serde_json::Value {
     })
 }
 
+/// Column headings of the table of faults.
 const HEADER: [&str; 9] = [
     "fault",
     "found as",
@@ -227,7 +245,8 @@ const HEADER: [&str; 9] = [
     "peak [bar]",
 ];
 
-const DETAIL: [&str; 9] = [
+/// Column headings of the table of cases.
+const CASE_HEADER: [&str; 9] = [
     "fault",
     "then",
     "crane",
@@ -239,6 +258,7 @@ const DETAIL: [&str; 9] = [
     "dropped [mm]",
 ];
 
+/// Code of the cause that the supervisor found, or how the course ended without one.
 fn cause(o: &Outcome) -> String {
     match (&o.broke, o.cause) {
         (Some(error), _) => format!("simulation failed: {error}"),
@@ -248,7 +268,8 @@ fn cause(o: &Outcome) -> String {
     }
 }
 
-fn detail(case: &Case) -> Vec<String> {
+/// Row of a case.
+fn case_row(case: &Case) -> Vec<String> {
     let o = &case.outcome;
     let ms = |time: Option<f64>| output::optional(time.map(|s| s * 1e3), 0);
     vec![
@@ -292,18 +313,19 @@ fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> Page {
     document(&format!("Hydroboom: {} faults, {} cases", faults.len(), cases.len()), &body)
 }
 
+/// Table of cases for the page.
 fn table(cases: &[&Case]) -> maud::Markup {
     html! {
         div.wide { table {
-            thead { tr { @for name in DETAIL { th { (name) } } } }
+            thead { tr { @for name in CASE_HEADER { th { (name) } } } }
             tbody { @for case in cases { tr {
-                @for cell in detail(case) { td.text { (cell) } }
+                @for cell in case_row(case) { td.text { (cell) } }
             } } }
         } }
     }
 }
 
-/// Worst values over the cases of a fault.
+/// Row of a fault: causes found, and the worst values over its cases.
 fn row(fault: Fault, cases: &[Case]) -> Vec<String> {
     let cases: Vec<&Outcome> =
         cases.iter().map(|c| &c.outcome).filter(|o| o.fault == fault).collect();

@@ -1,6 +1,6 @@
 //! `hydroboom faults --healthy`: false-alarm test on courses of healthy virtual cranes.
 
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::output;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -14,19 +14,20 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of cycles after which the scenario of a shift is ended.
 const SHIFT_CYCLES: f64 = 20.0;
+/// Name of that scenario.
 const SHIFT: &str = "shift";
 
-/// Trajectory ended early.
-struct Cut {
+/// Trajectory that is ended early.
+struct ShortenedTrajectory {
     path: Arc<dyn Trajectory>,
+    /// Time of its end \[s\].
     duration: f64,
 }
 
-impl Trajectory for Cut {
+impl Trajectory for ShortenedTrajectory {
     fn reference(&self, time: f64) -> SetPoint<f64> {
         self.path.reference(time)
     }
@@ -38,14 +39,20 @@ impl Trajectory for Cut {
     }
 }
 
-/// Course of a crane.
+/// Course of a crane under a strategy.
 struct Job {
+    /// Number of the crane in its family.
     number: u64,
     course: CourseChoice,
     strategy: Strategy,
 }
 
-/// Runs the cranes of a family, given by count and seed, under strategies along every course.
+/// Runs the cranes of a family, given by count and seed, under strategies along every course, and prints the stops. An
+/// interrupted run prints the courses so far.
+///
+/// # Errors
+///
+/// If a crane cannot be built or simulated.
 pub fn run(
     model: &Description,
     nominal: &Description,
@@ -53,7 +60,7 @@ pub fn run(
     strategies: &[Strategy],
     json: bool,
 ) -> Result<()> {
-    let chosen: Vec<Strategy> = match strategies.is_empty() {
+    let strategies: Vec<Strategy> = match strategies.is_empty() {
         true => {
             vec![Strategy::BenchmarkClosedLoop, Strategy::SimulationFeedforwardClosedLoop]
         }
@@ -64,7 +71,7 @@ pub fn run(
     courses.extend(scenarios(nominal).iter().map(|s| CourseChoice::Scenario(s.name.into())));
     let mut jobs = Vec::new();
     for number in 0..count {
-        for strategy in &chosen {
+        for strategy in &strategies {
             jobs.extend(courses.iter().map(|c| Job {
                 number,
                 course: c.clone(),
@@ -73,16 +80,13 @@ pub fn run(
         }
     }
     let progress = Interruptible::new(jobs.len() as u64, "courses")?;
-    let done = AtomicUsize::new(0);
     let runs = jobs
         .par_iter()
         .map(|job| {
             if !progress.one_more() {
                 return Ok(None);
             }
-            let run = one(model, nominal, seed, job)?;
-            done.fetch_add(1, Ordering::Relaxed);
-            Ok(Some((job, run)))
+            Ok(Some((job, run_job(model, nominal, seed, job)?)))
         })
         .collect::<Result<Vec<_>>>()?;
     drop(progress);
@@ -91,7 +95,7 @@ pub fn run(
 }
 
 /// Runs one course of one crane; returns its name and result.
-fn one(
+fn run_job(
     model: &Description,
     nominal: &Description,
     seed: u64,
@@ -108,7 +112,8 @@ fn one(
     if name == SHIFT {
         // a cycle of the shift is the fast motion out and back
         let cycle = crane.motion(crane.numbers.fast).duration();
-        path = Arc::new(Cut { path, duration: SHIFT_CYCLES * cycle });
+        let duration = SHIFT_CYCLES * cycle;
+        path = Arc::new(ShortenedTrajectory { path, duration });
     }
     let run = healthy_run(model, &crane, path, &loads, job.strategy).into_diagnostic()?;
     Ok((name, run))
@@ -120,32 +125,77 @@ fn may_stop(course: &str) -> bool {
     ["saturation", "load-in-motion", "payload-change"].contains(&course)
 }
 
-fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Result<()> {
-    let stopped = |run: &HealthyRun| run.cause.is_some() || run.broke.is_some();
-    let said = |run: &HealthyRun| match (run.broke, run.cause) {
-        (Some(error), _) => error.to_string(),
-        (None, Some(cause)) => cause.code().to_string(),
-        (None, None) => "-".into(),
-    };
-    let mut stops: BTreeMap<(String, &str, String, bool), Vec<u64>> = BTreeMap::new();
-    for (job, (course, run)) in runs.iter().filter(|(_, (_, run))| stopped(run)) {
-        let when = if run.stopped_at.is_some() {
-            said(run)
-        } else {
-            format!("{}, before release", said(run))
+/// Kind of stop: equal ones are counted together, with the numbers of their cranes.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Stop {
+    course: String,
+    strategy: &'static str,
+    /// Code of the cause, or the error of the simulation; also whether it came before the load's release.
+    cause: String,
+    /// Whether the machine was outside of its limits, so that the stop was right.
+    limit_exceeded: bool,
+}
+
+impl Stop {
+    /// Stop of a run; none for a completed one.
+    fn of(job: &Job, course: &str, run: &HealthyRun) -> Option<Self> {
+        let cause = match (run.broke, run.cause) {
+            (Some(error), _) => error.to_string(),
+            (None, Some(cause)) => cause.code().to_string(),
+            (None, None) => return None,
         };
-        let key = (course.clone(), job.strategy.name(), when, run.limit_exceeded);
-        stops.entry(key).or_default().push(job.number);
+        let cause = match run.stopped_at {
+            Some(_) => cause,
+            None => format!("{cause}, before release"),
+        };
+        Some(Self {
+            course: course.into(),
+            strategy: job.strategy.name(),
+            cause,
+            limit_exceeded: run.limit_exceeded,
+        })
     }
-    let false_alarms: usize =
-        stops.iter().filter(|(key, _)| !key.3 && !may_stop(&key.0)).map(|(_, c)| c.len()).sum();
-    let of = |is: &dyn Fn(bool, bool) -> bool| -> usize {
-        stops.iter().filter(|(key, _)| is(key.3, may_stop(&key.0))).map(|(_, c)| c.len()).sum()
+
+    /// Whether neither the machine's limits nor the course explain it.
+    fn is_false_alarm(&self) -> bool {
+        !self.limit_exceeded && !may_stop(&self.course)
+    }
+
+    /// Whether the course explains it.
+    fn is_expected(&self) -> bool {
+        !self.limit_exceeded && may_stop(&self.course)
+    }
+
+    /// Judgement for the table.
+    fn judgement(&self) -> &'static str {
+        match (self.limit_exceeded, may_stop(&self.course)) {
+            (true, _) => "limit exceeded",
+            (false, true) => "may stop",
+            (false, false) => "FALSE ALARM",
+        }
+    }
+}
+
+/// Largest number of cranes that are listed in a row.
+const MOST_CRANES: usize = 8;
+
+/// Prints the stops, and the largest times and motions of the release.
+fn report(runs: &[(&Job, (String, HealthyRun))], requested: usize, json: bool) -> Result<()> {
+    let mut stops: BTreeMap<Stop, Vec<u64>> = BTreeMap::new();
+    for (job, (course, run)) in runs {
+        if let Some(stop) = Stop::of(job, course, run) {
+            stops.entry(stop).or_default().push(job.number);
+        }
+    }
+    let count = |is: &dyn Fn(&Stop) -> bool| -> usize {
+        stops.iter().filter(|(stop, _)| is(stop)).map(|(_, cranes)| cranes.len()).sum()
     };
-    let (beyond, expected) = (of(&|exceeded, _| exceeded), of(&|exceeded, may| !exceeded && may));
-    let released = runs.iter().map(|(_, (_, run))| run);
-    let most = |of: &dyn Fn(&HealthyRun) -> f64| released.clone().map(of).fold(0.0, f64::max);
-    let (longest, lift, sank) = (
+    let false_alarms = count(&Stop::is_false_alarm);
+    let (beyond, expected) = (count(&|stop| stop.limit_exceeded), count(&Stop::is_expected));
+    let most = |of: &dyn Fn(&HealthyRun) -> f64| {
+        runs.iter().map(|(_, (_, run))| of(run)).fold(0.0, f64::max)
+    };
+    let (longest, lift, drop) = (
         most(&|r| r.release_time),
         most(&|r| r.release_motion.0) * 1e3,
         most(&|r| r.release_motion.1) * 1e3,
@@ -153,7 +203,7 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
     if json {
         let list: Vec<_> = stops
             .iter()
-            .map(|((course, strategy, cause, limit_exceeded), cranes)| {
+            .map(|(Stop { course, strategy, cause, limit_exceeded }, cranes)| {
                 json!({
                     "course": course, "strategy": strategy, "cause": cause, "limit_exceeded": limit_exceeded,
                     "cranes": cranes
@@ -161,40 +211,35 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
             })
             .collect();
         return output::json(&json!({
-            "courses": runs.len(), "asked": asked, "false_alarms": false_alarms,
+            "courses": runs.len(), "asked": requested, "false_alarms": false_alarms,
             "stops_beyond_limits": beyond, "stops_expected": expected, "stops": list,
-            "longest_release_s": longest, "largest_lift_mm": lift, "largest_drop_mm": sank,
+            "longest_release_s": longest, "largest_lift_mm": lift, "largest_drop_mm": drop,
         }));
     }
-    let rows: Vec<Vec<String>> = stops
-        .iter()
-        .map(|((course, strategy, cause, limit_exceeded), cranes)| {
-            let some: Vec<String> = cranes.iter().take(8).map(u64::to_string).collect();
-            let more = if cranes.len() > 8 { ", ..." } else { "" };
-            let expected = match (may_stop(course), *limit_exceeded) {
-                (_, true) => "limit exceeded",
-                (true, false) => "may stop",
-                (false, false) => "FALSE ALARM",
-            };
-            vec![
-                course.clone(),
-                (*strategy).into(),
-                cause.clone(),
-                cranes.len().to_string(),
-                format!("{}{more}", some.join(", ")),
-                expected.into(),
-            ]
-        })
-        .collect();
     let mut text = format!(
         "{} courses of healthy virtual cranes: {false_alarms} false alarms, {beyond} stops of a machine outside its \
          limits, {expected} on courses that may stop. Release: {longest:.1} s at most, lifts by {lift:.2} mm and \
-         drops by {sank:.2} mm at most",
-        of_asked(runs.len(), asked)
+         drops by {drop:.2} mm at most",
+        of_requested(runs.len(), requested)
     );
-    if !rows.is_empty() {
+    if !stops.is_empty() {
         let header = ["course", "strategy", "stopped by", "count", "cranes", ""];
+        let rows: Vec<Vec<String>> = stops.iter().map(row).collect();
         text += &format!("\n{}", output::table(&header, &rows));
     }
     output::text(&text)
+}
+
+/// Row of a kind of stop with its cranes.
+fn row((stop, cranes): (&Stop, &Vec<u64>)) -> Vec<String> {
+    let some: Vec<String> = cranes.iter().take(MOST_CRANES).map(u64::to_string).collect();
+    let more = if cranes.len() > MOST_CRANES { ", ..." } else { "" };
+    vec![
+        stop.course.clone(),
+        stop.strategy.into(),
+        stop.cause.clone(),
+        cranes.len().to_string(),
+        format!("{}{more}", some.join(", ")),
+        stop.judgement().into(),
+    ]
 }

@@ -7,19 +7,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// Exit code after Ctrl-C, as of shells.
-const ENDED: i32 = 130;
+/// Exit code after a second Ctrl-C, as of shells: 128 + SIGINT.
+const EXIT_CODE: i32 = 130;
 
 /// Interval of progress lines if standard error is no terminal.
-const SAID_EVERY: Duration = Duration::from_secs(15);
+const LINE_INTERVAL: Duration = Duration::from_secs(15);
 
-/// Computation of a number of parts.
+/// Progress of a computation of a number of parts: a bar at a terminal, otherwise lines; it is ended by Ctrl-C.
 pub struct Interruptible {
     bar: ProgressBar,
+    /// Name of the parts.
     parts: String,
     begun: Instant,
     /// Time of the last progress line.
-    said: Mutex<Instant>,
+    last_line: Mutex<Instant>,
     /// Whether Ctrl-C was pressed.
     pressed: Arc<AtomicBool>,
 }
@@ -33,10 +34,10 @@ impl Interruptible {
     /// If the signal handler cannot be installed.
     pub fn new(count: u64, parts: &str) -> Result<Self> {
         let pressed = Arc::new(AtomicBool::new(false));
-        let heard = Arc::clone(&pressed);
+        let flag = Arc::clone(&pressed);
         ctrlc::set_handler(move || {
-            if heard.swap(true, Ordering::Relaxed) {
-                std::process::exit(ENDED);
+            if flag.swap(true, Ordering::Relaxed) {
+                std::process::exit(EXIT_CODE);
             }
         })
         .into_diagnostic()?;
@@ -46,37 +47,37 @@ impl Interruptible {
         let style = ProgressStyle::with_template(&style).into_diagnostic()?;
         let (bar, parts) = (ProgressBar::new(count).with_style(style), parts.into());
         let begun = Instant::now();
-        Ok(Self { bar, parts, begun, said: Mutex::new(begun), pressed })
+        Ok(Self { bar, parts, begun, last_line: Mutex::new(begun), pressed })
     }
 
-    /// Counts a part; returns whether to continue.
+    /// Counts a completed part; returns whether to continue.
     pub fn one_more(&self) -> bool {
         self.bar.inc(1);
-        self.say(self.bar.position() as f64 / self.bar.length().unwrap_or(1).max(1) as f64);
+        self.print_line(self.bar.position() as f64 / self.bar.length().unwrap_or(1).max(1) as f64);
         !self.pressed.load(Ordering::Relaxed)
     }
 
-    /// Sets the share done; returns whether to continue.
+    /// Sets the share done, 0 to 1 \[-\]; returns whether to continue.
     pub fn done(&self, share: f64) -> bool {
         self.bar.set_position((share * self.bar.length().unwrap_or(0) as f64) as u64);
-        self.say(share);
+        self.print_line(share);
         !self.pressed.load(Ordering::Relaxed)
     }
 
     /// Prints a progress line if no bar is drawn.
-    fn say(&self, share: f64) {
+    fn print_line(&self, share: f64) {
         // another thread is printing the same line
-        let Ok(mut said) = self.said.try_lock() else { return };
-        if !self.bar.is_hidden() || said.elapsed() < SAID_EVERY {
+        let Ok(mut last_line) = self.last_line.try_lock() else { return };
+        if !self.bar.is_hidden() || last_line.elapsed() < LINE_INTERVAL {
             return;
         }
-        *said = Instant::now();
+        *last_line = Instant::now();
         let length = self.bar.length().unwrap_or(0);
         output::note(&progress(share, length, &self.parts, self.begun.elapsed()));
     }
 }
 
-/// Progress line.
+/// Progress line: share done, time passed, and, from 1 % on, an estimate of the time left.
 fn progress(share: f64, count: u64, parts: &str, passed: Duration) -> String {
     let percent = 100.0 * share.clamp(0.0, 1.0);
     let passed = passed.as_secs_f64();
@@ -98,10 +99,10 @@ impl Drop for Interruptible {
 }
 
 /// Number of results out of those requested: "17 of 200", or "200".
-pub fn of_asked(done: usize, asked: usize) -> String {
-    match done == asked {
+pub fn of_requested(done: usize, requested: usize) -> String {
+    match done == requested {
         true => format!("{done}"),
-        false => format!("{done} of {asked}"),
+        false => format!("{done} of {requested}"),
     }
 }
 

@@ -42,35 +42,39 @@ struct ToCsv {
 
 impl Log {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the log cannot be read.
     pub fn run(self) -> Result<()> {
         match self.command {
-            Command::Inspect(asked) => asked.run(),
-            Command::ToCsv(asked) => asked.run(),
+            Command::Inspect(command) => command.run(),
+            Command::ToCsv(command) => command.run(),
         }
     }
 }
 
 impl ToCsv {
+    /// Converts the log, and prints the number of its rows.
     fn run(self) -> Result<()> {
-        let asked = self;
-        let log::Table { header, rows, remarks } = log::read(&asked.log).into_diagnostic()?;
-        let beside = || asked.log.with_extension("csv");
-        let out = asked.out.as_deref().map_or_else(beside, Path::to_path_buf);
+        let log::Table { header, rows, remarks } = log::read(&self.log).into_diagnostic()?;
+        let beside_log = || self.log.with_extension("csv");
+        let out = self.out.as_deref().map_or_else(beside_log, Path::to_path_buf);
         let mut csv = header.join(",") + "\n";
         for row in &rows {
             csv += &row.join(",");
             csv.push('\n');
         }
         output::file(&out, csv.as_bytes());
-        if asked.json {
+        if self.json {
             return output::json(
                 &json!({ "written": out, "rows": rows.len(), "remarks": remarks }),
             );
         }
-        let mut said = format!("{} rows in {}", rows.len(), out.display());
+        let mut text = format!("{} rows in {}", rows.len(), out.display());
         for remark in &remarks {
-            said += &format!("\nnote: {remark}");
+            text += &format!("\nnote: {remark}");
         }
-        output::text(&said)
+        output::text(&text)
     }
 }

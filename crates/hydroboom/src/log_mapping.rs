@@ -24,14 +24,19 @@ pub struct LogMapping {
     sample_time_ms: Option<f64>,
 }
 
+/// Parses the interval of the rows of a log \[ms\].
 fn sample_time(text: &str) -> std::result::Result<f64, String> {
     let interval = text.parse::<f64>().ok().filter(|ms| (1e-6..=1e9).contains(ms));
     interval.ok_or_else(|| "it is an interval from 1e-6 to 1e9 ms".into())
 }
 
 impl LogMapping {
-    /// Reads a log of a crane and assigns its columns to signals. Assumptions are added to the log's
-    /// remarks.
+    /// Reads a log of a crane and assigns its columns to signals. Outliers are removed; these and assumptions are added
+    /// to the log's remarks.
+    ///
+    /// # Errors
+    ///
+    /// If log or mapping cannot be read, or a column has an unknown unit or a wrong dimension.
     pub fn read(&self, log: &Path, crane: &Description) -> Result<(Measurement, Mapping)> {
         let (log, mapping, refused) = self.read_where_known(log, crane)?;
         match refused.into_iter().next() {
@@ -41,6 +46,10 @@ impl LogMapping {
     }
 
     /// The same without the columns of unknown unit or wrong dimension; their errors are returned.
+    ///
+    /// # Errors
+    ///
+    /// If log or mapping cannot be read.
     pub fn read_where_known(
         &self,
         log: &Path,
@@ -65,14 +74,15 @@ impl LogMapping {
     }
 }
 
-/// Suspicious values in the columns of a log, given the crane.
+/// Suspicious values in the columns of a log: beyond the crane's stroke and motor speed, or of a magnitude that
+/// suggests another unit.
 pub fn suspicions(log: &Measurement, mapping: &Mapping, crane: &Description) -> Vec<Suspicion> {
     let n = &crane.numbers;
-    let mut found = mapping.suspicions(log, n.stroke, n.motor_speed);
+    let mut suspicions = mapping.suspicions(log, n.stroke, n.motor_speed);
     if let Some(expected) = expected(crane) {
-        found.extend(mapping.unit_suspicions(log, &expected));
+        suspicions.extend(mapping.unit_suspicions(log, &expected));
     }
-    found
+    suspicions
 }
 
 /// Expected magnitudes of the signals of a self-contained crane; none if it has no state of rest.
@@ -105,7 +115,7 @@ pub struct LogWindow {
 }
 
 impl LogWindow {
-    /// Part of the log.
+    /// Part of the log, in its time \[s\].
     pub fn of(self) -> hydroboom_identify::Window {
         hydroboom_identify::Window { from: self.from_s, to: self.to_s }
     }

@@ -25,6 +25,10 @@ pub struct Machine {
 
 impl Machine {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, the shared memory cannot be opened, or the simulation fails.
     pub fn run(self) -> Result<()> {
         let crane = self.description()?;
         let shared = Shared::open(&self.shared)
@@ -54,7 +58,7 @@ mod tests {
     use clap::Parser;
 
     #[derive(Parser)]
-    struct Chosen {
+    struct RunOptions {
         #[command(flatten)]
         crane: CraneFile,
         #[arg(long)]
@@ -62,7 +66,7 @@ mod tests {
     }
 
     #[derive(Parser)]
-    struct Played {
+    struct MachineOptions {
         #[command(flatten)]
         machine: Machine,
     }
@@ -77,12 +81,12 @@ mod tests {
             vec!["--set", "motion.end_mm=320"],
             vec!["--machine", boom, "--set", "motion.end_mm=320"],
         ] {
-            let chosen = Chosen::parse_from([&["run"], &arguments[..]].concat());
-            let choice = MachineChoice::read(&chosen.crane, chosen.machine.as_deref()).unwrap();
+            let run = RunOptions::parse_from([&["run"], &arguments[..]].concat());
+            let choice = MachineChoice::read(&run.crane, run.machine.as_deref()).unwrap();
             let mut options = vec!["machine".into(), "--shared".into(), "nowhere".into()];
             options.extend(choice.arguments().iter().cloned());
-            let played = Played::parse_from(options).machine.description().unwrap();
-            assert_eq!(played.digest(), choice.machine.digest(), "{arguments:?}");
+            let simulated = MachineOptions::parse_from(options).machine.description().unwrap();
+            assert_eq!(simulated.digest(), choice.machine.digest(), "{arguments:?}");
             // model and machine have the same motion for any machine
             assert_eq!(choice.machine.numbers.motion_end, choice.model.numbers.motion_end);
         }

@@ -5,7 +5,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// Selected machine.
+/// Machine that `run` controls.
 #[derive(Clone, Debug)]
 pub enum MachineArgument {
     /// Virtual crane in a process of its own: of the crane file, or of a file.
@@ -22,6 +22,7 @@ impl MachineArgument {
         OsStringValueParser::new().try_map(Self::parse)
     }
 
+    /// Parses the argument; a text of no known kind is a file.
     fn parse(given: OsString) -> Result<Self, String> {
         let Some(text) = given.to_str() else { return Ok(Self::Virtual(Some(given.into()))) };
         match text.split_once(':') {

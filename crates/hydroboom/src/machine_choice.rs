@@ -33,7 +33,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// Name of the source.
+    /// Name of the source in JSON.
     fn name(self) -> &'static str {
         match self {
             Self::Embedded => "embedded",
@@ -51,12 +51,12 @@ impl Source {
     }
 }
 
-/// Model and machine.
+/// Model, and the machine that represents the real crane beside it.
 #[derive(Clone, Debug)]
 pub struct MachineChoice {
     /// Model, which the controllers use.
     pub model: Description,
-    /// The machine.
+    /// The machine; for an attached one the model with typical equipment.
     pub machine: Description,
     /// Source of the machine.
     pub source: Source,
@@ -77,11 +77,19 @@ impl MachineChoice {
     /// crane of the named crane file, else the paper's virtual crane.
     ///
     /// Filled-in values, and the differences of a named machine, are printed on standard error.
+    ///
+    /// # Errors
+    ///
+    /// If a crane file or an override is invalid, or a crane is valve-controlled.
     pub fn read(crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
         Self::of(crane.read()?, crane, machine)
     }
 
     /// The same, where `plant` may also be a file with a `[set]` table: overrides of the default machine.
+    ///
+    /// # Errors
+    ///
+    /// As of [`read`](Self::read).
     pub fn read_plant(crane: &CraneFile, plant: Option<&Path>) -> Result<Self> {
         let Some(path) = plant else { return Self::read(crane, None) };
         let content = text(path)?;
@@ -95,7 +103,11 @@ impl MachineChoice {
         }
     }
 
-    /// The same for a model read from `crane`.
+    /// The same for a model that was read from `crane`.
+    ///
+    /// # Errors
+    ///
+    /// As of [`read`](Self::read), for the machine.
     pub fn of(model: Description, crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
         let nothing = Vec::new();
         // overrides of the motion apply to both
@@ -183,8 +195,8 @@ impl MachineChoice {
         }
     }
 
-    /// The same, of an attached machine that says whether it is simulated.
-    pub fn said_to_be_simulated(self, is_simulated: bool) -> Self {
+    /// The same, of an attached machine that reports whether it is simulated.
+    pub fn reported_as_simulated(self, is_simulated: bool) -> Self {
         Self { is_simulated, ..self }
     }
 
@@ -194,7 +206,7 @@ impl MachineChoice {
         Self { machine, differences, ..self }
     }
 
-    /// The same with other gains of the benchmark.
+    /// The same with other gains of the benchmark controller, in model and machine.
     pub fn with_benchmark_gains(self, gains: &Gains) -> Self {
         let (model, machine) = (gains.put(&self.model), gains.put(&self.machine));
         Self { model, ..self }.with_machine(machine)
@@ -244,7 +256,7 @@ impl MachineChoice {
         )
     }
 
-    /// JSON: name, source, filled-in values, and all differences.
+    /// The machine as JSON: name, source, digest, filled-in values, and all differences from the model.
     pub fn json(&self) -> Value {
         let filled_in = self.filled_in.iter().map(|f| {
             json!({ "key": f.key.path(), "value": f.value, "unit": f.key.unit, "source": f.source })
@@ -261,6 +273,7 @@ impl MachineChoice {
         })
     }
 
+    /// Notes on filled-in values, and on the differences of a named machine.
     fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         if !self.filled_in.is_empty() {

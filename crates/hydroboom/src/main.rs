@@ -1,4 +1,4 @@
-//! `hydroboom`: command line. One file per command, without logic of its own.
+//! `hydroboom`: command line. One module per command, which reads options and prints, draws and writes results.
 
 mod ablate;
 mod bench;
@@ -17,7 +17,6 @@ mod energy;
 mod estimate;
 mod estimator;
 mod export;
-mod family;
 mod faults;
 mod healthy;
 mod interruptible;
@@ -38,10 +37,10 @@ mod processor;
 mod renamed_option;
 mod run;
 mod scenarios;
-mod scheduled_lqr_sensitivity;
 mod sensitivity;
 mod show;
 mod simulate;
+mod strategy_argument;
 mod study;
 mod supervision;
 mod tip;
@@ -142,6 +141,7 @@ fn with_negative_numbers(mut command: clap::Command) -> clap::Command {
     })
 }
 
+/// Runs a command.
 fn run(command: Command) -> Result<()> {
     match command {
         Command::New(command) => command.run(),

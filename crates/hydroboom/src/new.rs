@@ -25,14 +25,15 @@ const EQUIPMENT: &str = "\
 # has them all.
 ";
 
-/// Source of the values filled in.
+/// Source of the values filled in for a self-contained crane.
 const PAPERS_CRANE: &str = "the paper's crane";
+/// Source of the values filled in for a valve-controlled crane.
 const PATU_CRANE: &str = "a PATU forestry crane";
 
-/// Comment at the top: meaning of the provenance of filled-in values.
-fn head(whose: &str) -> String {
+/// Comment at the top: meaning of the provenance of values filled in from a source.
+fn head_comment(source: &str) -> String {
     format!(
-        "# provenance \"placeholder\": the number is that of {whose} and not yet of your machine; once its value is edited it counts as given.\n"
+        "# provenance \"placeholder\": the number is that of {source} and not yet of your machine; once its value is edited it counts as given.\n"
     )
 }
 
@@ -59,7 +60,7 @@ pub struct New {
     json: bool,
 }
 
-/// Comment on the benchmark's gains: how to design them for the described crane. The file contains those
+/// Hint on the benchmark's gains: how to design them for the described crane. The file contains those
 /// for its filled-in values.
 fn gains_hint(circuit: Circuit, name: &str) -> String {
     match circuit {
@@ -74,6 +75,10 @@ fn gains_hint(circuit: Circuit, name: &str) -> String {
 
 impl New {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the file exists, or the design of its benchmark gains fails.
     pub fn run(self) -> Result<()> {
         if self.file.exists() {
             miette::bail!(
@@ -89,11 +94,11 @@ impl New {
                 let filled_in = as_placeholders(&tuned_text(&crane)?, PAPERS_CRANE);
                 format!(
                     "{}{filled_in}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}",
-                    head(PAPERS_CRANE)
+                    head_comment(PAPERS_CRANE)
                 )
             }
             Circuit::ValveControlled => {
-                format!("{}{}", head(PATU_CRANE), as_placeholders(PATU_LIFT, PATU_CRANE))
+                format!("{}{}", head_comment(PATU_CRANE), as_placeholders(PATU_LIFT, PATU_CRANE))
             }
         };
         if !output::file(&self.file, text.as_bytes()) {

@@ -10,18 +10,18 @@ pub const SPEED: RangeInclusive<f64> = 0.1..=10_000.0;
 pub const STROKE: RangeInclusive<f64> = 0.0..=20_000.0;
 /// Speeds of a motor \[rpm\].
 pub const MOTOR_SPEED: RangeInclusive<f64> = -20_000.0..=20_000.0;
-/// Steps of a simulation \[us\].
+/// Time steps of a simulation \[us\].
 pub const STEP: RangeInclusive<f64> = 0.1..=100_000.0;
 /// Intervals between rows of a log \[ms\].
 pub const LOG_INTERVAL: RangeInclusive<f64> = 0.001..=3_600_000.0;
 /// Durations of a simulation \[s\]: up to four months.
 pub const DURATION: RangeInclusive<f64> = 1e-3..=1e7;
-/// Standard deviations of a survey \[mm\].
+/// Standard deviations of a surveyed coordinate \[mm\].
 pub const SURVEY_NOISE: RangeInclusive<f64> = 1e-3..=100.0;
 /// Times of a log \[s\] with any origin.
 pub const LOG_TIME: RangeInclusive<f64> = -1e12..=1e12;
 
-/// Parses a number within a range; `unit` is its unit.
+/// Parser of a number within a range, both in `unit`. It refuses text that is no number, NaN, and numbers outside.
 pub fn within(
     range: RangeInclusive<f64>,
     unit: &'static str,
@@ -37,16 +37,16 @@ pub fn within(
 ///
 /// # Errors
 ///
-/// If the motion is too short to reach the speed.
-pub fn speed_of_motion(crane: &Description, asked: Option<f64>) -> Result<f64> {
+/// If the motion is too short to reach the speed: with the length L and the ramp T that is more than L/T.
+pub fn speed_of_motion(crane: &Description, requested: Option<f64>) -> Result<f64> {
     let n = &crane.numbers;
-    let Some(asked) = asked else { return Ok(n.fast) };
-    let most = 1e3 * (n.motion_end - n.motion_start).abs() / n.ramp;
-    match asked <= most {
-        true => Ok(asked * 1e-3),
+    let Some(requested) = requested else { return Ok(n.fast) };
+    let largest = 1e3 * (n.motion_end - n.motion_start).abs() / n.ramp;
+    match requested <= largest {
+        true => Ok(requested * 1e-3),
         false => Err(miette!(
             help = "the motion's length and ramp are in the crane file, [motion]",
-            "--speed-mm-s is {} to {most:.0} for this motion, not {asked}",
+            "--speed-mm-s is {} to {largest:.0} for this motion, not {requested}",
             SPEED.start()
         )),
     }

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// Crane files and mappings that were read: kind, name, digest.
+/// Crane files and mappings that were read: kind, name, SHA-256.
 static READ: Mutex<Vec<(String, String, String)>> = Mutex::new(Vec::new());
 
 /// Logs that were read. They may be long: their digests are computed when a report is written.
 static LOGS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Records that a log was read.
+/// Records that a log was read, for the origin of reports.
 pub fn log(path: &Path) {
     let mut all = LOGS.lock().unwrap_or_else(PoisonError::into_inner);
     if !all.iter().any(|known| known == path) {
@@ -20,7 +20,7 @@ pub fn log(path: &Path) {
     }
 }
 
-/// Logs with their digests; a pipe has none.
+/// Logs as kind, name and SHA-256; pipes, which cannot be read twice, are left out.
 fn logs() -> Vec<(String, String, String)> {
     let all = LOGS.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let regular = all.into_iter().filter(|path| path.is_file());
@@ -29,17 +29,18 @@ fn logs() -> Vec<(String, String, String)> {
     regular.filter_map(digested).collect()
 }
 
-/// Records that a file was read.
+/// Records that a file was read: `what` is its kind, `content` its text.
 pub fn read(what: &str, path: &Path, content: &str) {
-    keep(what, &path.display().to_string(), content);
+    record(what, &path.display().to_string(), content);
 }
 
-/// Records that an embedded crane file was used.
+/// Records that an embedded crane file was used, by the crane's name and the file's text.
 pub fn embedded(name: &str, content: &str) {
-    keep("crane file", &format!("{name} (embedded)"), content);
+    record("crane file", &format!("{name} (embedded)"), content);
 }
 
-fn keep(what: &str, name: &str, content: &str) {
+/// Adds a file to those that were read, once.
+fn record(what: &str, name: &str, content: &str) {
     let read = (what.to_string(), name.to_string(), digest_of(content.as_bytes()));
     // the list is consistent after each push, so that a poisoned lock can be used
     let mut all = READ.lock().unwrap_or_else(PoisonError::into_inner);
@@ -48,7 +49,8 @@ fn keep(what: &str, name: &str, content: &str) {
     }
 }
 
-/// Origin of a report written now; `seed` is that of the random numbers.
+/// Origin of a report written now: version, command, date, inputs with their digests. `seed` is that of the random
+/// numbers; none without them.
 pub fn origin(seed: Option<u64>) -> Origin {
     let command: Vec<String> =
         std::env::args_os().map(|argument| quoted(&argument.to_string_lossy())).collect();

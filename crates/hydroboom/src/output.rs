@@ -14,13 +14,18 @@ use std::sync::{Mutex, PoisonError};
 struct Failure {
     /// Path; none for standard output.
     path: Option<PathBuf>,
-    said: String,
+    /// Error message.
+    message: String,
 }
 
 /// Outputs of this process that were not written.
 static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
 
 /// Writes text to standard output; a closed pipe is no error.
+///
+/// # Errors
+///
+/// None: a failure is reported by [`conclude`].
 pub fn text(text: &str) -> Result<()> {
     let mut stdout = std::io::stdout();
     let written = writeln!(stdout, "{}", escaped(text)).and_then(|()| stdout.flush());
@@ -33,11 +38,15 @@ pub fn text(text: &str) -> Result<()> {
 }
 
 /// Writes JSON to standard output.
+///
+/// # Errors
+///
+/// If the value has no text, as with keys that are no strings.
 pub fn json(value: &serde_json::Value) -> Result<()> {
     text(&serde_json::to_string_pretty(value).into_diagnostic()?)
 }
 
-/// Prints a note on standard error.
+/// Prints a note on standard error, without control characters.
 pub fn note(text: &str) {
     // an error means that standard error was closed on purpose
     let _ = writeln!(std::io::stderr(), "{}", escaped(text));
@@ -78,7 +87,7 @@ pub fn page_in_folder(at: &Path, name: &str, report: &Page, seed: Option<u64>) -
     path
 }
 
-/// Creates a folder for files if it does not exist.
+/// Creates a folder for files if it does not exist; a failure is recorded.
 pub fn folder(path: &Path) {
     if let Err(error) = hydroboom_files::folder(path) {
         failed(Some(path), error.to_string());
@@ -110,25 +119,30 @@ pub fn is_written(path: &Path) -> bool {
     !failures.iter().any(|f| f.path.as_deref().is_some_and(|failed| path.starts_with(failed)))
 }
 
-fn failed(path: Option<&Path>, said: String) {
+/// Prints and records that an output was not written; `path` is none for standard output.
+fn failed(path: Option<&Path>, message: String) {
     let mut failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
     // files in a folder that could not be created
     let is_known = |f: &Failure| {
         f.path.as_deref().zip(path).is_some_and(|(known, path)| path.starts_with(known))
     };
     if !failures.iter().any(is_known) {
-        note(&said);
-        failures.push(Failure { path: path.map(Path::to_path_buf), said });
+        note(&message);
+        failures.push(Failure { path: path.map(Path::to_path_buf), message });
     }
 }
 
 /// Result of a command: an error also if an output is missing.
+///
+/// # Errors
+///
+/// That of the command, otherwise a list of the outputs that were not written.
 pub fn conclude(result: Result<()>) -> Result<()> {
     let failures = std::mem::take(&mut *FAILURES.lock().unwrap_or_else(PoisonError::into_inner));
     if failures.is_empty() {
         return result;
     }
-    let list: Vec<String> = failures.into_iter().map(|failure| failure.said).collect();
+    let list: Vec<String> = failures.into_iter().map(|failure| failure.message).collect();
     if let Err(error) = result {
         note(&format!("not written:\n  {}", list.join("\n  ")));
         return Err(error);
@@ -138,24 +152,25 @@ pub fn conclude(result: Result<()>) -> Result<()> {
 
 /// Prints the error of a command on standard error.
 pub fn error(error: &miette::Report) {
-    let said = without_commands(&cut(&format!("{error:?}")));
-    let _ = writeln!(std::io::stderr(), "Error: {said}");
+    let message = without_commands(&cut(&format!("{error:?}")));
+    let _ = writeln!(std::io::stderr(), "Error: {message}");
 }
 
 /// Prints an error of the command line, or the requested help.
 pub fn usage(error: &clap::Error) {
-    let said = error.render();
+    let message = error.render();
     let colourful = |text: &str| without_commands(&cut(text));
     let _ = match (error.use_stderr(), std::io::stderr().is_terminal()) {
-        (true, true) => write!(std::io::stderr(), "{}", colourful(&said.ansi().to_string())),
-        (true, false) => write!(std::io::stderr(), "{}", colourful(&said.to_string())),
+        (true, true) => write!(std::io::stderr(), "{}", colourful(&message.ansi().to_string())),
+        (true, false) => write!(std::io::stderr(), "{}", colourful(&message.to_string())),
         // help is the program's own text
         (false, _) => error.print(),
     };
 }
 
-/// Largest number of letters per line of a message, and of lines.
+/// Largest number of letters per line of a message.
 const MOST_LETTERS: usize = 2000;
+/// Largest number of lines of a message.
 const MOST_LINES: usize = 400;
 
 /// Message with overlong lines and excess lines cut: text quoted from a file may have any length.
@@ -178,7 +193,7 @@ fn cut(text: &str) -> String {
     lines.join("\n")
 }
 
-/// The same for text made for a terminal, which keeps its colours.
+/// Text made for a terminal without control sequences other than colours (ECMA-48, SGR).
 fn without_commands(text: &str) -> String {
     let mut parts = text.split("\x1b[");
     let mut shown = escaped(parts.next().unwrap_or_default());
@@ -207,7 +222,7 @@ pub fn escaped(text: &str) -> String {
     shown
 }
 
-/// Table without the paper's columns if they are empty, as for another crane.
+/// Table as of [`table`], without columns of the paper that have dashes only, as for another crane.
 pub fn table_beside_paper(header: &[&str], rows: &[Vec<String>]) -> String {
     let is_kept = |column: &usize| {
         !header[*column].contains("paper") || rows.iter().any(|row| row[*column] != "-")
@@ -218,7 +233,8 @@ pub fn table_beside_paper(header: &[&str], rows: &[Vec<String>]) -> String {
     table(&header, &rows.iter().map(kept).collect::<Vec<_>>())
 }
 
-/// Table with aligned columns: numbers to the right, the first column and words to the left.
+/// Table with aligned columns: numbers to the right, the first column and words to the left. Each row has at most as
+/// many cells as the header.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count());
@@ -248,7 +264,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
-/// Number with `digits` decimals, or a dash.
+/// Number with so many decimals; a dash for none.
 pub fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
 }
@@ -262,7 +278,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Number with three significant digits and at most six decimals; zero unchanged.
+/// Number with three significant digits and at most six decimals; 0 below 1e-6, a dash for NaN and infinity.
 pub fn three_digits(value: f64) -> String {
     let size = value.abs();
     match size.is_finite() && size >= 1e-6 {
@@ -300,8 +316,8 @@ mod tests {
 
     #[test]
     fn overlong_messages_are_cut() {
-        let said = cut(&format!("ä{}\nshort", "[".repeat(200_000)));
-        assert!(said.len() < 2100 && said.ends_with("...\nshort"), "{said}");
+        let message = cut(&format!("ä{}\nshort", "[".repeat(200_000)));
+        assert!(message.len() < 2100 && message.ends_with("...\nshort"), "{message}");
         assert!(cut(&"x\n".repeat(100_000)).len() < 2000);
         assert_eq!(cut("a\nb\n"), "a\nb\n");
     }

@@ -96,17 +96,17 @@ pub fn check(arguments: &ArgMatches) -> Result<()> {
     Ok(())
 }
 
-/// All values of a type given to a command and its subcommands, including defaults.
+/// All values of a type that are given to a command and its subcommands, defaults included.
 fn all<T: Any + Clone + Send + Sync>(arguments: &ArgMatches) -> Vec<T> {
-    let mut found = Vec::new();
+    let mut all = Vec::new();
     let mut at = Some(arguments);
     while let Some(level) = at {
         for id in level.ids() {
             // an option of another type
             let Ok(Some(values)) = level.try_get_many::<T>(id.as_str()) else { continue };
-            found.extend(values.cloned());
+            all.extend(values.cloned());
         }
         at = level.subcommand().map(|(_, below)| below);
     }
-    found
+    all
 }

@@ -1,6 +1,7 @@
 //! Check that the processor has the instructions the program was compiled for.
 
-/// Ends the program with a message instead of an illegal instruction.
+/// Ends the program with a message, instead of by an illegal instruction, on a processor without AVX2 and FMA for which
+/// it was compiled.
 #[cfg(target_arch = "x86_64")]
 pub fn check() {
     use std::arch::x86_64::{__cpuid, __cpuid_count};

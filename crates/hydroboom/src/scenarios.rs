@@ -34,6 +34,10 @@ pub struct Scenarios {
 
 impl Scenarios {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, there is no such scenario, or a simulation fails.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_or(Description::uia_virtual)?;
         let Some(name) = &self.name else { return list(&crane, self.json) };
@@ -107,6 +111,7 @@ fn row(strategy: Strategy, s: &Summary, loops: &[LoopStability]) -> Vec<String> 
     row
 }
 
+/// Prints the scenarios of a crane.
 fn list(crane: &Description, as_json: bool) -> Result<()> {
     let outlines: Vec<_> = scenarios(crane).iter().map(Scenario::outline).collect();
     if as_json {

@@ -22,6 +22,10 @@ pub struct Show {
 
 impl Show {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid.
     pub fn run(self) -> Result<()> {
         let d = self.crane.read_any()?;
         let choices = d.own_choices();

@@ -68,6 +68,10 @@ pub struct Simulate {
 
 impl Simulate {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, or the state leaves the model's range of validity.
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
         let n = &description.numbers;
@@ -126,7 +130,7 @@ impl Simulate {
                 "log": self.log,
             }));
         }
-        let mut said = format!(
+        let mut text = format!(
             "after {:.3} s (substeps per step: {}): x_cyl {:.3} mm, v_cyl {:.4} mm/s, p_A {:.2} bar, \
              p_B {:.2} bar, p_PA {:.2} bar, p_PB {:.2} bar, p_acc {:.3} bar",
             crane.time(),
@@ -140,11 +144,11 @@ impl Simulate {
             outputs.pressure_accumulator * 1e-5,
         );
         if outputs.cavity_volume > 0.0 {
-            said += &format!("; CAVITATING, {:.3} mL of vapour", outputs.cavity_volume * 1e6);
+            text += &format!("; CAVITATING, {:.3} mL of vapour", outputs.cavity_volume * 1e6);
         }
         if let Some(log) = &self.log {
-            said += &output::named("log", log);
+            text += &output::named("log", log);
         }
-        output::text(&said)
+        output::text(&text)
     }
 }

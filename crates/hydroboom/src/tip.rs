@@ -1,12 +1,12 @@
 //! `hydroboom tip`
 
 use crate::crane_file::{CraneFile, text_of};
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::number;
 use crate::output;
 use crate::paths::InputFile;
-use crate::virtual_crane::strategies;
+use crate::strategy_argument::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -76,6 +76,11 @@ pub struct Tip {
 
 impl Tip {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, the survey has an outlier or does not determine the keys, or no crane completed its
+    /// course.
     pub fn run(self) -> Result<()> {
         match (&self.survey, self.family) {
             (Some(survey), _) => self.fit(survey),
@@ -83,6 +88,7 @@ impl Tip {
         }
     }
 
+    /// Fits the keys of section tip to a survey, prints them, and writes them into a copy of the crane file.
     fn fit(&self, path: &Path) -> Result<()> {
         let crane = self.crane.read()?;
         if self.crane.is_overridden() && self.out.is_some() {
@@ -95,7 +101,7 @@ impl Tip {
         let survey =
             TipSurvey::parse(&name, &text_of(path, "survey")?, &crane).into_diagnostic()?;
         let fit = survey.fit(&crane).into_diagnostic()?;
-        let left = NoiseFloor::of_survey(&fit, &crane, self.seed);
+        let noise_floor = NoiseFloor::of_survey(&fit, &crane, self.seed);
         let (line, worst) = fit.worst;
         if worst > OUTLIER_DEVIATIONS {
             return Err(miette!(
@@ -117,7 +123,7 @@ impl Tip {
             return output::json(&json!({
                 "survey": path, "poses": survey.points.len(), "keys": keys,
                 "residual_mm": fit.residual * 1e3, "worst_line": line, "worst_deviations": worst,
-                "survey_noise": left, "written": self.out,
+                "survey_noise": noise_floor, "written": self.out,
             }));
         }
         let written = self.out.as_ref().map_or_else(String::new, |out| {
@@ -134,12 +140,12 @@ impl Tip {
             intervals(&crane, &fit),
             fit.keys()[6].1,
             crane.numbers.fast * 1e3,
-            left.bias_mm.text(2),
-            left.rms_about_mm.text(2),
+            noise_floor.bias_mm.text(2),
+            noise_floor.rms_about_mm.text(2),
         ))
     }
 
-    /// Crane file with the fitted keys.
+    /// Text of the crane file with the fitted keys; their source is the survey.
     fn with_keys(&self, fit: &SurveyFit, path: &Path) -> Result<String> {
         let mut document: DocumentMut = self.crane.text()?.parse().into_diagnostic()?;
         let file = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into());
@@ -151,6 +157,7 @@ impl Tip {
         Ok(document.to_string())
     }
 
+    /// Tests the estimated tip on virtual cranes with a survey of each, and prints the errors of its height.
     fn test(&self, count: u64) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
         let (model, nominal) = (&choice.model, &choice.machine);
@@ -167,15 +174,15 @@ impl Tip {
         };
         let work = Interruptible::new(count, "cranes")?;
         let go_on = |share: f64| work.done(share);
-        let found = tip_accuracy(model, nominal, self.strategy.into(), &course, &family, &go_on);
+        let accuracy = tip_accuracy(model, nominal, self.strategy.into(), &course, &family, &go_on);
         drop(work);
-        let found = found.into_diagnostic()?;
-        if found.cranes.is_empty() {
-            bail!("none of {count} cranes completed its course: {}", found.failed.join("; "));
+        let accuracy = accuracy.into_diagnostic()?;
+        if accuracy.cranes.is_empty() {
+            bail!("none of {count} cranes completed its course: {}", accuracy.failed.join("; "));
         }
         let title = format!(
             "{} virtual cranes {}around \"{}\", seed {}, first {}, {along} under {}",
-            of_asked(found.cranes.len(), count as usize),
+            of_requested(accuracy.cranes.len(), count as usize),
             if self.widened { "of a widened family " } else { "" },
             choice.name(),
             self.seed,
@@ -183,28 +190,29 @@ impl Tip {
             self.strategy.name(),
         );
         if let Some(folder) = &self.out {
-            let page =
-                report::tip_page(&format!("Estimated tip: {title}"), &found).into_diagnostic()?;
+            let page = report::tip_page(&format!("Estimated tip: {title}"), &accuracy)
+                .into_diagnostic()?;
             output::page_in_folder(folder, "tip", &page, Some(self.seed));
         }
         if self.json {
             return output::json(&json!({
                 "asked": count, "seed": self.seed, "from": self.from, "widened": self.widened,
                 "survey_noise_mm": self.survey_noise_mm, "course": along,
-                "strategy": self.strategy.name(), "tip": found, "plant": choice.json(),
+                "strategy": self.strategy.name(), "tip": accuracy, "plant": choice.json(),
             }));
         }
         output::text(&format!(
             "{title}\nErrors of the tip's height [mm]: median (5 .. 95 %), worst. Each crane is surveyed by itself: five poses, two loads, {} mm of noise. \
              Truth is the virtual crane's.\n{}",
             self.survey_noise_mm,
-            table(&found)
+            table(&accuracy)
         ))
     }
 }
 
-fn table(found: &TipAccuracy) -> String {
-    let mut cells: Vec<Vec<String>> = found
+/// Errors of the tip's height \[mm\] by method, beside those that the survey's noise alone leaves.
+fn table(accuracy: &TipAccuracy) -> String {
+    let mut cells: Vec<Vec<String>> = accuracy
         .methods
         .iter()
         .map(|row| {
@@ -218,30 +226,31 @@ fn table(found: &TipAccuracy) -> String {
             ]
         })
         .collect();
-    let left = &found.survey_noise;
+    let noise_floor = &accuracy.survey_noise;
     let none = || output::optional(None, 0);
     cells.push(vec![
         "left by the survey's noise alone".into(),
-        left.bias_mm.text(2),
-        left.rms_about_mm.text(2),
+        noise_floor.bias_mm.text(2),
+        noise_floor.rms_about_mm.text(2),
         none(),
         none(),
         none(),
     ]);
     let header = ["", "bias", "RMS about it", "RMS", "mean sigma", "within 2 sigma [%]"];
-    let failed = match found.failed.is_empty() {
+    let failed = match accuracy.failed.is_empty() {
         true => String::new(),
-        false => format!("\n\nnot finished, and not counted:\n  {}", found.failed.join("\n  ")),
+        false => format!("\n\nnot finished, and not counted:\n  {}", accuracy.failed.join("\n  ")),
     };
     output::table(&header, &cells) + &failed
 }
 
-/// Value of a key in its unit with significant digits only.
+/// Value of a key in its unit with six significant digits.
 fn in_unit(path: &str, si: f64) -> f64 {
     let value = KEYS.iter().find(|key| key.path() == path).map_or(si, |key| key.to_unit(si));
     format!("{value:.5e}").parse().unwrap_or(value)
 }
 
+/// Fitted keys with their 95 % intervals, beside those of the crane file.
 fn intervals(crane: &Description, fit: &SurveyFit) -> String {
     let before: Vec<(String, f64)> =
         crane.entries().map(|(key, value, _)| (key.path(), value)).collect();

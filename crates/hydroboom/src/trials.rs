@@ -18,7 +18,7 @@ use serde_json::json;
 
 /// Kind of trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum TrialKind {
     /// Robustness: delays, noise, friction, limits, load changes in motion.
     Robustness,
     /// Residual vibration of the tip with the published trapezoid, S-curves and input shaping.
@@ -34,7 +34,7 @@ enum What {
 pub struct Trials {
     /// Kind of trial.
     #[arg(value_enum, required_unless_present = "rivals")]
-    what: Option<What>,
+    what: Option<TrialKind>,
     #[command(flatten)]
     crane: CraneFile,
     /// Add baselines to the benchmark and the scheduled LQR: the benchmark with designed gains, without and with an
@@ -58,6 +58,10 @@ pub struct Trials {
 
 impl Trials {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, a baseline cannot be designed, or a crane cannot be built.
     pub fn run(self) -> Result<()> {
         renamed_option::refuse(self.rivals, "--rivals", "--baselines")?;
         let choice = MachineChoice::read(&self.crane, None)?;
@@ -70,8 +74,8 @@ impl Trials {
         gains.iter().for_each(|remark| output::warn(remark));
         let (model, crane) = (&choice.model, &choice.machine);
         let trials = match self.what {
-            Some(What::Shaping) => shaping(model, crane),
-            Some(What::Robustness) | None => robustness(model, crane),
+            Some(TrialKind::Shaping) => shaping(model, crane),
+            Some(TrialKind::Robustness) | None => robustness(model, crane),
         };
         let trials = trials.into_diagnostic()?;
         let mut controllers: Vec<ControllerChoice> =
@@ -117,6 +121,7 @@ impl Trials {
     }
 }
 
+/// Row of a controller in a trial; dashes for the errors of an unstable or unfinished run.
 fn row(o: &Outcome) -> Vec<String> {
     let error = |mm: f64| output::optional(Some(mm).filter(|mm| o.stable && mm.is_finite()), 3);
     vec![

@@ -4,7 +4,7 @@ use crate::output::three_digits;
 use hydroboom_identify::{Aspect, Judgement, LIMITS};
 use serde_json::{Value, json};
 
-/// Name of an aspect.
+/// Name of an aspect in text and JSON.
 pub fn name(aspect: Aspect) -> &'static str {
     match aspect {
         Aspect::Position => "position",
@@ -14,7 +14,8 @@ pub fn name(aspect: Aspect) -> &'static str {
     }
 }
 
-fn number(j: &Judgement) -> String {
+/// Deviation of an aspect with its limit: RMS in the signal's unit, or relative \[%\].
+fn deviation(j: &Judgement) -> String {
     match j.aspect {
         Aspect::Position | Aspect::Pressures => {
             let (unit, size) = j.signal.shown();
@@ -40,15 +41,15 @@ fn number(j: &Judgement) -> String {
     }
 }
 
-/// One sentence with the aspects within and beyond their limits.
-pub fn said(judgements: &[Judgement]) -> String {
+/// One sentence with the aspects beyond and within their limits, and those that the log does not show.
+pub fn sentence(judgements: &[Judgement]) -> String {
     let of = |is_right: bool| {
         let all = judgements.iter().filter(|j| j.is_right() == is_right);
-        all.map(|j| format!("{} ({})", name(j.aspect), number(j))).collect::<Vec<_>>().join(", ")
+        all.map(|j| format!("{} ({})", name(j.aspect), deviation(j))).collect::<Vec<_>>().join(", ")
     };
-    let untold = [Aspect::Position, Aspect::Pressures, Aspect::Frequency, Aspect::Damping];
-    let untold = untold.into_iter().filter(|a| judgements.iter().all(|j| j.aspect != *a));
-    let mut untold: Vec<&str> = untold.map(name).collect();
+    let unjudged = [Aspect::Position, Aspect::Pressures, Aspect::Frequency, Aspect::Damping];
+    let unjudged = unjudged.into_iter().filter(|a| judgements.iter().all(|j| j.aspect != *a));
+    let mut unjudged: Vec<&str> = unjudged.map(name).collect();
     let (right, wrong) = (of(true), of(false));
     let mut parts = Vec::new();
     if !wrong.is_empty() {
@@ -57,16 +58,16 @@ pub fn said(judgements: &[Judgement]) -> String {
     if !right.is_empty() {
         parts.push(format!("right for {right}"));
     }
-    if !untold.is_empty() {
-        let last = untold.pop().unwrap_or_default();
-        let others = untold.join(", ");
+    if !unjudged.is_empty() {
+        let last = unjudged.pop().unwrap_or_default();
+        let others = unjudged.join(", ");
         let and = if others.is_empty() { "" } else { " and " };
         parts.push(format!("the log does not tell {others}{and}{last}"));
     }
     format!("The model is {}.", parts.join("; ")).replace("is the log", "is not judged: the log")
 }
 
-/// Judgements as JSON.
+/// Judgements as JSON, in SI units; frequency and damping as relative deviations \[-\].
 pub fn in_json(judgements: &[Judgement]) -> Vec<Value> {
     let of = |j: &Judgement| {
         json!({

@@ -1,6 +1,6 @@
 //! `hydroboom export c`
 
-use super::{File, warn_of_unstable, written};
+use super::{File, warn_of_unstable, write_files};
 use crate::crane_file::CraneFile;
 use crate::paths::OutputFolder;
 use clap::Args;
@@ -38,6 +38,10 @@ pub struct C {
 
 impl C {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, or the crane cannot be exported.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         warn_of_unstable(&crane)?;
@@ -57,10 +61,11 @@ impl C {
             File { name: format!("{name}.h"), content: made.header },
             File { name: format!("{name}.c"), content: made.source },
         ];
-        written(&self.out, &files, &all, self.json)
+        write_files(&self.out, &files, &all, self.json)
     }
 }
 
+/// Parses a prefix of names in C.
 fn prefix(text: &str) -> Result<Prefix, String> {
     Prefix::new(text).map_err(|e| e.to_string())
 }

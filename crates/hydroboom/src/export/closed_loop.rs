@@ -1,7 +1,7 @@
 //! `hydroboom export closed-loop`
 
 use crate::crane_file::CraneFile;
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::OutputFile;
@@ -22,7 +22,7 @@ use std::path::Path;
 
 /// Target of an exported controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum ControllerTarget {
     /// Benchmark in Rust.
     Rust,
     /// Simulation feedforward in Rust.
@@ -45,17 +45,18 @@ enum What {
     FmuSimulationFeedforward,
 }
 
-const ALL: [What; 10] = [
-    What::Rust,
-    What::RustSimulationFeedforward,
-    What::RustScheduledLqr,
-    What::C,
-    What::CSimulationFeedforward,
-    What::CScheduledLqr,
-    What::CScheduledLqrWithoutPreview,
-    What::CScheduledLqrSingle,
-    What::Fmu,
-    What::FmuSimulationFeedforward,
+/// All targets, in the order of the table.
+const ALL: [ControllerTarget; 10] = [
+    ControllerTarget::Rust,
+    ControllerTarget::RustSimulationFeedforward,
+    ControllerTarget::RustScheduledLqr,
+    ControllerTarget::C,
+    ControllerTarget::CSimulationFeedforward,
+    ControllerTarget::CScheduledLqr,
+    ControllerTarget::CScheduledLqrWithoutPreview,
+    ControllerTarget::CScheduledLqrSingle,
+    ControllerTarget::Fmu,
+    ControllerTarget::FmuSimulationFeedforward,
 ];
 
 /// Control periods of preview for the scheduled LQR.
@@ -73,7 +74,7 @@ pub struct ClosedLoop {
     crane: CraneFile,
     /// Only this target; can be repeated.
     #[arg(long, value_enum)]
-    target: Vec<What>,
+    target: Vec<ControllerTarget>,
     /// Only trials whose name contains this.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
@@ -90,49 +91,42 @@ pub struct ClosedLoop {
 
 impl ClosedLoop {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, a target cannot be compiled, or a simulation fails.
     pub fn run(self) -> Result<()> {
         let MachineChoice { model, mut machine, .. } = MachineChoice::read(&self.crane, None)?;
         machine.set_together(self.plant_set.iter().map(String::as_str))?;
         let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
-        let folder_of =
-            |path: &OutputFile| path.parent().map(Path::to_path_buf).unwrap_or_default();
-        if let Some(missing) = self
-            .csv
-            .as_ref()
-            .map(folder_of)
-            .filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
-        {
-            miette::bail!(
-                help = "create the folder first, because the trials take minutes",
-                "--csv: there is no folder {}",
-                missing.display()
-            );
-        }
-        let wanted = self.only.as_deref().unwrap_or("");
+        self.check_csv_folder()?;
+        let part = self.only.as_deref().unwrap_or("");
         let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
         let mut all = cases(&model);
         all.extend(moves(&model));
-        let chosen: Vec<&Case> = all.iter().filter(|c| c.name().contains(wanted)).collect();
-        if chosen.is_empty() {
+        let selected: Vec<&Case> = all.iter().filter(|c| c.name().contains(part)).collect();
+        if selected.is_empty() {
             miette::bail!(
                 help = "names are those of the table, such as \"stroke NaN for 1 periods at rest\"",
-                "no trial's name contains \"{wanted}\""
+                "no trial's name contains \"{part}\""
             );
         }
-        let makers =
-            targets.par_iter().map(|what| what.maker(&model, &folder)).collect::<Result<Vec<_>>>();
-        let makers = makers?;
-        let jobs: Vec<(usize, &Case)> = (0..makers.len())
-            .flat_map(|place| chosen.iter().map(move |case| (place, *case)))
+        let factories = targets
+            .par_iter()
+            .map(|controller| controller.factory(&model, &folder))
+            .collect::<Result<Vec<_>>>();
+        let factories = factories?;
+        let jobs: Vec<(usize, &Case)> = (0..factories.len())
+            .flat_map(|place| selected.iter().map(move |case| (place, *case)))
             .filter(|(place, case)| targets[*place].has_gains() || case.gain.is_none())
             .collect();
         let progress = Interruptible::new(jobs.len() as u64, "trials")?;
         let is_plain = |c: &&Case| c.moves && c.disturbed.is_none() && c.gain.is_none();
-        let undisturbed = makers
+        let undisturbed = factories
             .par_iter()
-            .map(|maker| {
+            .map(|factory| {
                 let plain = all.iter().find(is_plain).unwrap_or(&all[0]);
-                let mut target = maker.target(&model)?;
+                let mut target = factory.target(&model)?;
                 run(&model, &machine, plain, target.as_mut()).into_diagnostic()
             })
             .collect::<Result<Vec<_>>>()?;
@@ -142,7 +136,7 @@ impl ClosedLoop {
                 if !progress.one_more() {
                     return Ok(None);
                 }
-                let mut target = makers[*place].target(&model)?;
+                let mut target = factories[*place].target(&model)?;
                 let outcome = run(&model, &machine, case, target.as_mut()).into_diagnostic()?;
                 let plain = &undisturbed[*place];
                 let bounds = bounds(&model, case, plain, &outcome).into_diagnostic()?;
@@ -161,25 +155,43 @@ impl ClosedLoop {
         if self.json {
             return output::json(&json!({
                 "trials": rows.len(), "asked": jobs.len(), "beyond_bounds": beyond,
-                "targets": compared(&rows).iter().map(Compared::json).collect::<Vec<_>>(),
+                "targets": target_summaries(&rows).iter().map(TargetSummary::json).collect::<Vec<_>>(),
                 "rows": rows.iter().map(|row| in_json(row, period)).collect::<Vec<_>>(),
             }));
         }
-        let all: Vec<Vec<String>> = compared(&rows).iter().map(Compared::cells).collect();
-        let said = text(&rows, jobs.len(), beyond);
-        output::text(&format!("{said}\n\n{}", output::table(&COMPARED, &all)))
+        let all: Vec<Vec<String>> =
+            target_summaries(&rows).iter().map(TargetSummary::cells).collect();
+        let trials = text(&rows, jobs.len(), beyond);
+        output::text(&format!("{trials}\n\n{}", output::table(&SUMMARY_HEADER, &all)))
+    }
+
+    /// Checks that the folder of the table exists, before the trials.
+    ///
+    /// # Errors
+    ///
+    /// If it does not.
+    fn check_csv_folder(&self) -> Result<()> {
+        let folder = self.csv.as_deref().and_then(Path::parent);
+        match folder.filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+            Some(missing) => miette::bail!(
+                help = "create the folder first, because the trials take minutes",
+                "--csv: there is no folder {}",
+                missing.display()
+            ),
+            None => Ok(()),
+        }
     }
 }
 
 /// Factory of a target for each trial.
-enum Maker {
+enum TargetFactory {
     Benchmark,
     SimulationFeedforward,
     ScheduledLqr,
     Program(Compiled),
 }
 
-impl What {
+impl ControllerTarget {
     /// Whether its gains can be changed during a run.
     fn has_gains(self) -> bool {
         !matches!(
@@ -192,14 +204,14 @@ impl What {
     }
 
     /// Compiles the target once.
-    fn maker(self, model: &Description, folder: &Path) -> Result<Maker> {
+    fn factory(self, model: &Description, folder: &Path) -> Result<TargetFactory> {
         let n = &model.numbers;
         let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
         let folder = folder.join(format!("{self:?}"));
         let compiled = match self {
-            Self::Rust => return Ok(Maker::Benchmark),
-            Self::RustSimulationFeedforward => return Ok(Maker::SimulationFeedforward),
-            Self::RustScheduledLqr => return Ok(Maker::ScheduledLqr),
+            Self::Rust => return Ok(TargetFactory::Benchmark),
+            Self::RustSimulationFeedforward => return Ok(TargetFactory::SimulationFeedforward),
+            Self::RustScheduledLqr => return Ok(TargetFactory::ScheduledLqr),
             Self::CScheduledLqr | Self::CScheduledLqrWithoutPreview | Self::CScheduledLqrSingle => {
                 let (name, length, precision) = match self {
                     Self::CScheduledLqrSingle => {
@@ -228,11 +240,12 @@ impl What {
                 Compiled::in_fmu("FMU, simulation feedforward", &block, model, &folder)
             }
         };
-        compiled.into_diagnostic().map(Maker::Program)
+        compiled.into_diagnostic().map(TargetFactory::Program)
     }
 }
 
-impl Maker {
+impl TargetFactory {
+    /// Target in its initial state, designed for a model.
     fn target(&self, model: &Description) -> Result<Box<dyn Target>> {
         Ok(match self {
             Self::Benchmark => Box::new(RustBenchmark::new(model).into_diagnostic()?),
@@ -248,10 +261,10 @@ impl Maker {
 }
 
 /// All undisturbed engagements; for wrong inputs the worst one of each input and kind.
-fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
-    let mut shown: Vec<Vec<String>> = Vec::new();
+fn text(rows: &[Row], requested: usize, beyond: usize) -> String {
+    let mut cells: Vec<Vec<String>> = Vec::new();
     let plain = rows.iter().filter(|row| row.case.disturbed.is_none());
-    shown.extend(plain.map(|row| row.cells().into()));
+    cells.extend(plain.map(|row| row.cells().into()));
     let mut groups: Vec<(String, Vec<&Row>)> = Vec::new();
     for row in rows {
         let Some(d) = row.case.disturbed else { continue };
@@ -268,25 +281,25 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
         let worst = group.iter().copied().max_by(|a, b| moved(a).total_cmp(&moved(b)));
         let is_beyond = group.iter().copied().find(|row| !row.beyond.is_empty());
         if let Some(row) = is_beyond.or(worst) {
-            let mut cells: Vec<String> = row.cells().into();
-            cells[1] = match is_beyond {
+            let mut worst: Vec<String> = row.cells().into();
+            worst[1] = match is_beyond {
                 Some(row) => row.case.name(),
                 None => {
                     format!("{}: worst of {}", key.split('|').nth(1).unwrap_or(""), group.len())
                 }
             };
-            shown.push(cells);
+            cells.push(worst);
         }
     }
     format!(
         "{} trials on the virtual crane, {beyond} beyond their computed bounds (in brackets)\n{}",
-        of_asked(rows.len(), asked),
-        output::table(&HEADER, &shown)
+        of_requested(rows.len(), requested),
+        output::table(&HEADER, &cells)
     )
 }
 
 /// Results of all trials of a target.
-struct Compared {
+struct TargetSummary {
     target: &'static str,
     trials: usize,
     /// Trials in which the controller moved the load to the end.
@@ -300,8 +313,8 @@ struct Compared {
     worse: usize,
 }
 
-/// Heads of its columns.
-const COMPARED: [&str; 8] = [
+/// Column headings of the comparison of targets.
+const SUMMARY_HEADER: [&str; 8] = [
     "target",
     "trials",
     "controlled to the end",
@@ -312,13 +325,15 @@ const COMPARED: [&str; 8] = [
     "worse RMS than the first target",
 ];
 
-impl Compared {
+impl TargetSummary {
+    /// Row of the comparison.
     fn cells(&self) -> Vec<String> {
         let counts = [self.trials, self.controlled, self.faults, self.beyond, self.oscillating];
         let counts = counts.into_iter().chain([self.compared, self.worse]);
         std::iter::once(self.target.into()).chain(counts.map(|n| n.to_string())).collect()
     }
 
+    /// Results as JSON.
     fn json(&self) -> serde_json::Value {
         json!({
             "target": self.target, "trials": self.trials, "controlled": self.controlled, "faults": self.faults, "beyond_bounds": self.beyond,
@@ -328,9 +343,9 @@ impl Compared {
 }
 
 /// Results of each target, compared with the first.
-fn compared(rows: &[Row]) -> Vec<Compared> {
+fn target_summaries(rows: &[Row]) -> Vec<TargetSummary> {
     let first = rows.first().map_or("", |row| row.target);
-    let mut all: Vec<Compared> = Vec::new();
+    let mut all: Vec<TargetSummary> = Vec::new();
     for group in rows.chunk_by(|a, b| a.target == b.target) {
         let count = |is: &dyn Fn(&Row) -> bool| group.iter().filter(|row| is(row)).count();
         let beside = |row: &Row| {
@@ -340,7 +355,7 @@ fn compared(rows: &[Row]) -> Vec<Compared> {
             let both = is_undisturbed && row.case.moves && row.outcome.is_controlled();
             other.filter(|o| both && o.is_controlled()).map(|o| row.outcome.rms > o.rms)
         };
-        all.push(Compared {
+        all.push(TargetSummary {
             target: group[0].target,
             trials: group.len(),
             controlled: count(&|row| row.outcome.is_controlled()),
@@ -354,6 +369,7 @@ fn compared(rows: &[Row]) -> Vec<Compared> {
     all
 }
 
+/// A trial as JSON; `period` is the control period \[s\].
 fn in_json(row: &Row, period: f64) -> serde_json::Value {
     let (o, b) = (&row.outcome, &row.bounds);
     json!({

@@ -22,6 +22,10 @@ pub struct Count {
 
 impl Count {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, or the crane cannot be exported.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         let model = crane_model(&crane).into_diagnostic()?;

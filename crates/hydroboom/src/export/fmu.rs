@@ -15,7 +15,7 @@ use serde_json::json;
 
 /// Content of an FMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum FmuContent {
     /// Crane: inputs motor speed and valve; outputs position, pressures and forces.
     Model,
     /// The same under another name: a controlled plant that differs from the model.
@@ -31,8 +31,8 @@ enum What {
     ModelFollowing,
 }
 
-impl What {
-    /// Names of all exportable blocks as text.
+impl FmuContent {
+    /// Names of all contents that are exported, separated by commas.
     fn exported() -> String {
         let all = Self::value_variants().iter().filter_map(Self::to_possible_value);
         let shown = all.filter(|value| !value.is_hide_set());
@@ -53,7 +53,7 @@ pub struct Fmu {
     crane: CraneFile,
     /// Content of the FMU.
     #[arg(long, value_enum)]
-    what: What,
+    what: FmuContent,
     /// Version of FMI.
     #[arg(long, value_parser = ["2", "3"], default_value = "2")]
     fmi: String,
@@ -70,22 +70,26 @@ pub struct Fmu {
 
 impl Fmu {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, the crane cannot be exported, or a C compiler fails.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         warn_of_unstable(&crane)?;
         let (block, slopes) = match self.what {
-            What::Controller => (controller(&crane).into_diagnostic()?, None),
-            What::SimulationFeedforward => {
+            FmuContent::Controller => (controller(&crane).into_diagnostic()?, None),
+            FmuContent::SimulationFeedforward => {
                 (simulation_feedforward(&crane).into_diagnostic()?, None)
             }
-            What::ScheduledLqr => (scheduled_lqr_controller(&crane).into_diagnostic()?, None),
-            What::ModelFollowing => miette::bail!(
+            FmuContent::ScheduledLqr => (scheduled_lqr_controller(&crane).into_diagnostic()?, None),
+            FmuContent::ModelFollowing => miette::bail!(
                 "--what model-following: model following has been replaced by scheduled-lqr; today --what is one of {}",
-                What::exported()
+                FmuContent::exported()
             ),
-            What::Model | What::Plant => {
+            FmuContent::Model | FmuContent::Plant => {
                 let mut block = crane_model(&crane).into_diagnostic()?;
-                if self.what == What::Plant {
+                if self.what == FmuContent::Plant {
                     block.name = "plant".into();
                 }
                 let slopes = slopes(&crane, &block).into_diagnostic()?;
@@ -95,16 +99,16 @@ impl Fmu {
         let version = if self.fmi == "3" { Version::Three } else { Version::Two };
         let unit = unit(&block, slopes.as_ref(), &crane, version).into_diagnostic()?;
         let folder = std::env::temp_dir().join(format!("hydroboom-fmu-{}", std::process::id()));
-        let made = System::ALL
+        let binaries = System::ALL
             .into_iter()
             .filter_map(|system| {
-                let made = binary(&unit, system, &folder.join(system.name())).transpose()?;
-                Some(made.map(|library| (system, library)))
+                let library = binary(&unit, system, &folder.join(system.name())).transpose()?;
+                Some(library.map(|library| (system, library)))
             })
             .collect::<Result<Vec<_>, _>>();
         // an error of the removal has no consequence
         let _ = std::fs::remove_dir_all(&folder);
-        let binaries = made.into_diagnostic()?;
+        let binaries = binaries.into_diagnostic()?;
         let bytes = archive(&unit, &binaries).into_diagnostic()?;
         let systems: Vec<&str> = binaries.iter().map(|(system, _)| system.name()).collect();
         output::file(&self.out, &bytes);
@@ -124,12 +128,12 @@ impl Fmu {
                 "flops": flops.iter().map(|(name, flops)| json!({ "entry": name, "flops": flops })).collect::<Vec<_>>(),
             }));
         }
-        let holds = match systems.is_empty() {
+        let content = match systems.is_empty() {
             false => format!("its source and a binary for {}", systems.join(" and ")),
             true => "its source; no C compiler (cc) was found for a binary".into(),
         };
         output::text(&format!(
-            "{}: {} bytes, {} of FMI {}.0 with {holds}",
+            "{}: {} bytes, {} of FMI {}.0 with {content}",
             self.out.display(),
             files[0].1.len(),
             unit.identifier,

@@ -37,6 +37,10 @@ enum Target {
 
 impl Export {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// Those of the target.
     pub fn run(self) -> Result<()> {
         match self.target {
             Target::Count(command) => command.run(),
@@ -49,6 +53,10 @@ impl Export {
 }
 
 /// Warns of exported controllers whose loop on the crane is unstable.
+///
+/// # Errors
+///
+/// If a loop cannot be linearised.
 fn warn_of_unstable(crane: &Description) -> Result<()> {
     let loops = [
         benchmark_stability(crane, None).into_diagnostic()?,
@@ -62,23 +70,28 @@ fn warn_of_unstable(crane: &Description) -> Result<()> {
 
 /// File to be written.
 struct File {
+    /// Name in its folder.
     name: String,
     content: String,
 }
 
-/// Writes files into a folder, which is created, and lists them.
-fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Result<()> {
+/// Writes files into a folder, which is created, and prints them with the operations of each call.
+///
+/// # Errors
+///
+/// If the order of computation of a block cannot be planned.
+fn write_files(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Result<()> {
     output::folder(folder);
-    let mut made: Vec<(PathBuf, &File)> = Vec::new();
+    let mut written: Vec<(PathBuf, &File)> = Vec::new();
     for file in files {
         let path = folder.join(&file.name);
         output::file(&path, file.content.as_bytes());
         // in a folder that could not be created no file was written, for any result of the write
         if output::is_written(&path) {
-            made.push((path, file));
+            written.push((path, file));
         }
     }
-    let others = others(folder, files);
+    let others = files_of_other_exports(folder, files);
     if !others.is_empty() {
         output::warn(&format!(
             "{} contains files of another export: {}",
@@ -88,14 +101,14 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     }
     let flops = flops(blocks).into_diagnostic()?;
     if in_json {
-        let files: Vec<Value> = made.iter().map(|(path, file)| {
+        let files: Vec<Value> = written.iter().map(|(path, file)| {
             json!({ "file": path, "bytes": file.content.len(), "sha256": digest_of(file.content.as_bytes()) })
         }).collect();
         return output::json(&json!({ "files": files, "flops": flops.iter().map(|(name, flops)| {
             json!({ "entry": name, "flops": flops })
         }).collect::<Vec<_>>() }));
     }
-    let rows: Vec<Vec<String>> = made
+    let rows: Vec<Vec<String>> = written
         .iter()
         .map(|(path, file)| {
             let path = path.display().to_string();
@@ -103,17 +116,17 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
             vec![path, file.content.len().to_string(), digest[..16].to_string()]
         })
         .collect();
-    let mut said = match rows.is_empty() {
+    let mut text = match rows.is_empty() {
         true => "no file is written".into(),
         false => output::table(&["file", "bytes", "SHA-256"], &rows),
     };
     let costs: Vec<String> = flops.iter().map(|(name, flops)| format!("{name} {flops}")).collect();
-    said += &format!("\nfloating-point operations a call: {}", costs.join(", "));
-    output::text(&said)
+    text += &format!("\nfloating-point operations a call: {}", costs.join(", "));
+    output::text(&text)
 }
 
 /// Other files of the same kinds in a folder, left by an earlier export.
-fn others(folder: &Path, files: &[File]) -> Vec<String> {
+fn files_of_other_exports(folder: &Path, files: &[File]) -> Vec<String> {
     let kind = |name: &str| Path::new(name).extension().map(|e| e.to_os_string());
     let kinds: Vec<_> = files.iter().filter_map(|file| kind(&file.name)).collect();
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };

@@ -1,6 +1,6 @@
 //! `hydroboom export st`
 
-use super::{File, warn_of_unstable, written};
+use super::{File, warn_of_unstable, write_files};
 use crate::crane_file::CraneFile;
 use crate::paths::OutputFolder;
 use clap::Args;
@@ -32,6 +32,10 @@ pub struct St {
 
 impl St {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If the crane file is invalid, or the crane cannot be exported.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         warn_of_unstable(&crane)?;
@@ -56,6 +60,6 @@ impl St {
             simulation_feedforward_controller(&crane).into_diagnostic()?,
             scheduled_lqr_controller(&crane).into_diagnostic()?,
         ];
-        written(&self.out, &files, &recorded, self.json)
+        write_files(&self.out, &files, &recorded, self.json)
     }
 }

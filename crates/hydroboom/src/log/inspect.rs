@@ -39,7 +39,9 @@ struct Column<'a> {
     channel: &'a Channel,
     /// Name of the column in a mapping.
     address: String,
+    /// Sampling times; none without samples.
     base: Option<TimeBase>,
+    /// Range of the values; none if all are missing.
     range: Option<Range>,
     /// Signal assigned to the column.
     signal: Option<(Signal, &'a Entry)>,
@@ -47,6 +49,10 @@ struct Column<'a> {
 
 impl Inspect {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, or the log cannot be read.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
         let (log, mapping, refused) = self.mapping.read_where_known(&self.log, &crane)?;
@@ -63,15 +69,15 @@ impl Inspect {
                 "suspicions": suspicions,
             }));
         }
-        let mut said = format!("{}: {}", self.log.display(), overview(&columns));
+        let mut text = format!("{}: {}", self.log.display(), overview(&columns));
         for line in segment_lines(&log.channels).into_iter().chain(gap_lines(&columns)) {
-            said += &format!("\n{line}");
+            text += &format!("\n{line}");
         }
-        said += &remarks(&log, &mapping, &refused, &suspicions);
+        text += &remarks(&log, &mapping, &refused, &suspicions);
         if let Some(path) = &self.mapping_out {
-            said += &output::named("mapping", path);
+            text += &output::named("mapping", path);
         }
-        output::text(&said)
+        output::text(&text)
     }
 }
 
@@ -97,18 +103,20 @@ fn columns<'a>(log: &'a Measurement, mapping: &'a Mapping) -> Vec<Column<'a>> {
 }
 
 impl Column<'_> {
+    /// Number of missing values.
     fn missing(&self) -> usize {
         self.range.map_or(self.channel.values.len(), |r| r.missing)
     }
 
     /// Smallest and largest value. With an assigned signal they are mapped values in the signal's unit.
-    fn shown(&self) -> Option<(f64, f64)> {
+    fn limits(&self) -> Option<(f64, f64)> {
         let range = self.range?;
         let Some((_, e)) = self.signal else { return Some((range.low, range.high)) };
         let [a, b] = [range.low, range.high].map(|v| e.sign * (e.scale * v + e.offset));
         Some((a.min(b), a.max(b)))
     }
 
+    /// Column as JSON: values in its own unit, times \[s\].
     fn json(&self) -> Value {
         let Self { channel, base, range, signal, .. } = self;
         let base = base.as_ref();
@@ -130,6 +138,7 @@ impl Column<'_> {
         })
     }
 
+    /// Row of the table of columns.
     fn row(&self) -> Vec<String> {
         let number = |v: f64| match v.abs() {
             size if size != 0.0 && !(1e-3..1e6).contains(&size) => format!("{v:.4e}"),
@@ -146,8 +155,8 @@ impl Column<'_> {
         vec![
             excerpt(&self.address),
             signal.unwrap_or_default(),
-            self.shown().map_or("-".into(), |(low, _)| number(low)),
-            self.shown().map_or("-".into(), |(_, high)| number(high)),
+            self.limits().map_or("-".into(), |(low, _)| number(low)),
+            self.limits().map_or("-".into(), |(_, high)| number(high)),
             self.range.map_or("all".into(), |r| r.missing.to_string()),
             of_base(&|b| format!("{:.3}", b.interval * 1e3)),
             of_base(&|b| format!("{:.3}", b.jitter * 1e3)),
@@ -193,12 +202,12 @@ fn overview(columns: &[Column<'_>]) -> String {
 
 /// Segments of each clock that has several, with its columns.
 fn segments(channels: &[Channel]) -> Vec<(String, Vec<Segment>)> {
-    let mut found: Vec<(Vec<&str>, Vec<Segment>)> = Vec::new();
+    let mut clocks: Vec<(Vec<&str>, Vec<Segment>)> = Vec::new();
     for channel in channels.iter().filter(|c| !c.breaks.is_empty()) {
         let segments = channel.segments();
-        match found.iter_mut().find(|(_, other)| *other == segments) {
+        match clocks.iter_mut().find(|(_, other)| *other == segments) {
             Some((columns, _)) => columns.push(&channel.heading),
-            None => found.push((vec![&channel.heading], segments)),
+            None => clocks.push((vec![&channel.heading], segments)),
         }
     }
     let named = |columns: Vec<&str>| match columns.as_slice() {
@@ -206,9 +215,10 @@ fn segments(channels: &[Channel]) -> Vec<(String, Vec<Segment>)> {
         [first, second, _, ..] => format!("{first}, {second} and {} more", columns.len() - 2),
         few => few.join(", "),
     };
-    found.into_iter().map(|(columns, segments)| (named(columns), segments)).collect()
+    clocks.into_iter().map(|(columns, segments)| (named(columns), segments)).collect()
 }
 
+/// Segments of each clock, a line each.
 fn segment_lines(channels: &[Channel]) -> Vec<String> {
     let mut lines = Vec::new();
     for (columns, segments) in segments(channels) {
@@ -251,15 +261,15 @@ fn remarks(
     refused: &[String],
     suspicions: &[Suspicion],
 ) -> String {
-    let mut said = String::new();
+    let mut text = String::new();
     for remark in &log.remarks {
-        said += &format!("\nnote: {remark}");
+        text += &format!("\nnote: {remark}");
     }
     for reason in refused {
-        said += &format!("\nnot usable: {reason}");
+        text += &format!("\nnot usable: {reason}");
     }
     for suspicion in suspicions {
-        said += &format!("\nsuspicious: {}", suspicion.text);
+        text += &format!("\nsuspicious: {}", suspicion.text);
     }
     let missing: Vec<&str> = Signal::COMPARED
         .into_iter()
@@ -268,7 +278,7 @@ fn remarks(
         .map(Signal::symbol)
         .collect();
     if !missing.is_empty() {
-        said += &format!("\nno column is taken for {}", missing.join(", "));
+        text += &format!("\nno column is taken for {}", missing.join(", "));
     }
-    said
+    text
 }

@@ -26,30 +26,36 @@ const FIELDS: [(&str, &str); 14] = [
     ("fault", "string"),
 ];
 
-/// Log records of a bus.
+/// Log of a bus: its cycles as messages of an MCAP log, until the one of each control period.
 pub struct BusLog {
     table: Table,
+    /// Records of the cycles, from the bus's thread.
     records: Consumer<CycleRecord>,
+    /// Topic of the messages; none before the first one.
     topic: Option<Topic>,
     /// Time of the monotonic clock at the log's time zero \[ns\]; none before the first measurement that control read.
     zero: Option<u64>,
 }
 
 impl BusLog {
-    /// Of a bus with a table, whose cycles come by a queue.
+    /// Log of a bus with a table, whose cycles come by a queue.
     pub fn new(table: Table, records: Consumer<CycleRecord>) -> Self {
         Self { table, records, topic: None, zero: None }
     }
 
     /// Adds the cycles until the one whose measurement a control period read.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] if a message cannot be written.
     pub fn add_until(&mut self, record: &Record, log: &mut LogWriter) -> Result<(), LogError> {
         let newest = record.measurement.number;
         while self.records.peek().is_ok_and(|cycle| cycle.measurement <= newest) {
             let Ok(cycle) = self.records.pop() else { break };
             if self.zero.is_none() && cycle.measurement == newest {
                 // control begins in the phase of SYNC0 that the table gives it
-                let began = cycle.sync0[0] + self.table.bus.control();
-                self.zero = Some(began.saturating_sub((record.time * 1e9) as u64));
+                let beginning = cycle.sync0[0] + self.table.bus.control();
+                self.zero = Some(beginning.saturating_sub((record.time * 1e9) as u64));
             }
             // those before control began have no time of the log
             let Some(zero) = self.zero else { continue };
@@ -64,7 +70,8 @@ impl BusLog {
     }
 }
 
-/// A cycle as a message.
+/// A cycle as a message; `time` is that of its SYNC0 in the log \[s\]. Exchanges without a time or working counter are
+/// left out.
 fn message(table: &Table, cycle: &CycleRecord, time: f64) -> Map<String, Value> {
     let mut message = Map::new();
     let mut put = |name: &str, value: Value| message.insert(name.into(), value);
@@ -76,7 +83,7 @@ fn message(table: &Table, cycle: &CycleRecord, time: f64) -> Map<String, Value> 
         ["second_phase_us", "second_working_counter"],
     ];
     for ([phase, counter], exchange) in names.iter().zip(&cycle.exchanges) {
-        // lost records are omitted
+        // lost frames have neither
         if let (Some(time), Some(count)) = (exchange.phase, exchange.working_counter) {
             put(phase, json!(1e-3 * f64::from(time)));
             put(counter, json!(count));

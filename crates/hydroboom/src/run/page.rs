@@ -1,7 +1,7 @@
 //! Report page of a run.
 
-use super::report::{SENSORS_ONLY, known};
-use super::watch::CourseResult;
+use super::course_result::CourseResult;
+use super::report::{SENSORS_ONLY, error_text};
 use crate::machine_choice::MachineChoice;
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
@@ -11,7 +11,11 @@ use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use maud::{Markup, html};
 
-/// Page of one course, available directly after it.
+/// Page of one course, available directly after it: result, and figures over time.
+///
+/// # Errors
+///
+/// [`LabError`] if a figure cannot be drawn.
 pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<Page, LabError> {
     let body = html! {
         (results(std::slice::from_ref(result), None))
@@ -20,7 +24,13 @@ pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<Page, La
     Ok(document(&format!("Hydroboom: {} with {}", result.course, result.strategy), &body))
 }
 
-/// Page of a whole run: all courses, figures of the last one, deadlines.
+/// Page of a whole run: all courses beside the paper's RMS and largest error \[mm\], figures of the last one,
+/// deadlines.
+/// `records` are those of the last course, and `computer` is the processor.
+///
+/// # Errors
+///
+/// [`LabError`] if a figure cannot be drawn.
 pub fn run_page(
     cranes: &MachineChoice,
     list: &[CourseResult],
@@ -47,6 +57,7 @@ pub fn run_page(
     Ok(document("Hydroboom: a run", &body))
 }
 
+/// Table of the courses \[mm\], beside the paper's RMS and largest error.
 fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
     html! {
         h2 { "Tracking error x - x_ref" }
@@ -63,7 +74,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                     @if let Some(oscillation) = r.sustained_oscillation {
                         td.unstable { "unstable: " (oscillation.to_string()) } @for _ in 1..4 { td.unstable { "-" } }
                     } @else {
-                        @for mm in r.error.cells() { td { (known(mm)) } }
+                        @for mm in r.error.cells() { td { (error_text(mm)) } }
                     }
                     td.text {
                         @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
@@ -73,7 +84,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                 } }
                 @if let Some([rms, peak]) = paper { tr {
                     td { "paper, measured on its crane" } td { } td { }
-                    td { "-" } td { (known(rms)) } td { "-" } td { (known(peak)) } td { }
+                    td { "-" } td { (error_text(rms)) } td { "-" } td { (error_text(peak)) } td { }
                 } }
             }
         } }
@@ -81,7 +92,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
     }
 }
 
-/// Figures of a course.
+/// Figures of a course over time: position, error, pressures, motor speed. Empty without records.
 fn course(records: &[Record]) -> Result<Markup, LabError> {
     let Some(first) = records.first() else { return Ok(html! {}) };
     let over = |of: &dyn Fn(&Record) -> Option<f64>| -> Vec<(f64, f64)> {
@@ -119,6 +130,7 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
     })
 }
 
+/// Table and distributions of execution times and release delays of both tasks.
 fn deadlines(r: &RealTime, computer: &str) -> Result<Markup, LabError> {
     let row = |name: &str, t: &Timing| {
         html! { tr {

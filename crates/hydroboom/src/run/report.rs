@@ -1,7 +1,7 @@
 //! Report of a run as text and JSON.
 
 use super::attachment::AttachmentResult;
-use super::watch::CourseResult;
+use super::course_result::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_description::Description;
@@ -10,26 +10,26 @@ use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use serde_json::{Value, json};
 
-/// Content of the report.
+/// Results of a run, for its report.
 pub struct Report<'a> {
     /// Model and machine.
     pub cranes: &'a MachineChoice,
     /// Courses of the run.
     pub results: &'a [CourseResult],
-    /// The first of them in simulated time.
+    /// The first of them in simulated time; none if it was not simulated.
     pub simulated: Option<&'a CourseResult>,
-    /// RMS and peak error \[mm\] measured by the paper, if any.
+    /// RMS and largest error \[mm\] that the paper measured in the same test; none without one.
     pub paper: Option<[f64; 2]>,
     /// Number of synchronisations of the simulation during courses.
     pub synchronised: u32,
-    /// Deadline statistics.
+    /// Deadline statistics; none in simulated time.
     pub real_time: Option<&'a RealTime>,
-    /// Result of the attachment of a machine.
-    pub bus: Option<&'a AttachmentResult>,
+    /// Result of the attachment of a machine; none for a virtual crane.
+    pub attachment: Option<&'a AttachmentResult>,
 }
 
-/// End of a course.
-fn ended(r: &CourseResult) -> String {
+/// How a course ended: fault or held load, fallback, oscillation.
+fn end_text(r: &CourseResult) -> String {
     let mut end = r.fault.unwrap_or("load held").to_string();
     if let Some(cause) = r.fallback_cause {
         end += &format!(", benchmark took over: {cause}");
@@ -47,13 +47,13 @@ fn ended(r: &CourseResult) -> String {
 pub const SENSORS_ONLY: &str =
     "The machine is attached, and only its sensors are known: its true errors are not.";
 
-/// Error; a dash if unknown.
-pub fn known(mm: f64) -> String {
+/// Error \[mm\] with three decimals; a dash if unknown.
+pub fn error_text(mm: f64) -> String {
     if mm.is_finite() { format!("{mm:.3}") } else { "-".into() }
 }
 
-/// Largest number of courses that are listed singly.
-const LISTED: usize = 12;
+/// Largest number of courses that are listed singly; of more, the first and the last half of it.
+const MOST_LISTED: usize = 12;
 
 impl Report<'_> {
     /// Report as JSON.
@@ -74,30 +74,30 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "plant": self.cranes.json(), "attachment": self.bus.map(AttachmentResult::json),
+            "plant": self.cranes.json(), "attachment": self.attachment.map(AttachmentResult::json),
         })
     }
 
     /// Report as text.
     pub fn text(&self) -> String {
-        let row = |name: &str, error: TrackingError, ended: &str| {
-            let errors = error.cells().map(known);
+        let row = |name: &str, error: TrackingError, end: &str| {
+            let errors = error.cells().map(error_text);
             let names = std::iter::once(name.to_string());
-            names.chain(errors).chain([ended.to_string()]).collect::<Vec<String>>()
+            names.chain(errors).chain([end.to_string()]).collect::<Vec<String>>()
         };
         // the error of an oscillating loop is no tracking error
         let of_course = |name: &str, r: &CourseResult| match r.sustained_oscillation {
-            None => row(name, r.error, &ended(r)),
+            None => row(name, r.error, &end_text(r)),
             Some(_) => {
                 let errors = vec!["unstable".to_string(); 4];
-                [vec![name.to_string()], errors, vec![ended(r)]].concat()
+                [vec![name.to_string()], errors, vec![end_text(r)]].concat()
             }
         };
         let mut rows = Vec::new();
-        let skipped = self.results.len().saturating_sub(LISTED);
+        let skipped = self.results.len().saturating_sub(MOST_LISTED);
         for (k, r) in self.results.iter().enumerate() {
-            if skipped > 0 && (LISTED / 2..LISTED / 2 + skipped).contains(&k) {
-                if k == LISTED / 2 {
+            if skipped > 0 && (MOST_LISTED / 2..MOST_LISTED / 2 + skipped).contains(&k) {
+                if k == MOST_LISTED / 2 {
                     rows.push(
                         [vec![format!("... {skipped} more")], vec![String::new(); 5]].concat(),
                     );
@@ -118,33 +118,33 @@ impl Report<'_> {
         }
         let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
         let header = ["course", rms_true, rms_measured, peak_true, peak_measured, "ended"];
-        let mut said = format!(
+        let mut text = format!(
             "Tracking error x - x_ref on \"{}\"\n{}",
             self.cranes.name(),
             output::table(&header, &rows)
         );
-        if self.real_time.is_some() || self.bus.is_some() {
-            said += &format!("\n{SENSORS_ONLY}");
+        if self.real_time.is_some() || self.attachment.is_some() {
+            text += &format!("\n{SENSORS_ONLY}");
         }
-        if let Some(bus) = self.bus {
-            said += &format!("\n{}", bus.text());
+        if let Some(attachment) = self.attachment {
+            text += &format!("\n{}", attachment.text());
         }
         if let Some(equality) = self.cranes.equality() {
-            said += &format!("\n{equality}");
+            text += &format!("\n{equality}");
         }
         if let Some(drift) = self.drift() {
-            said += &format!("\n{drift}");
+            text += &format!("\n{drift}");
         }
         if self.synchronised > 0 {
-            said += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
+            text += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
         }
         if let Some(real_time) = self.real_time {
-            said += &timing_table(&self.cranes.model, real_time);
+            text += &timing_table(&self.cranes.model, real_time);
         }
-        said
+        text
     }
 
-    /// Remark on a growth over many courses.
+    /// Remark on RMS error and memory over the completed courses; none for fewer than three.
     fn drift(&self) -> Option<String> {
         let whole: Vec<&CourseResult> = self.results.iter().filter(|r| r.fault.is_none()).collect();
         let (first, last) = (whole.first()?, whole.last()?);
@@ -168,26 +168,27 @@ impl Report<'_> {
     }
 }
 
-/// Further remarks on the deadlines.
+/// Remarks on execution times: which cores the tasks have, and the time that a hypervisor took \[ms\].
 pub fn remarks(r: &RealTime) -> String {
-    let mut said = String::from(
+    let mut text = String::from(
         "Execution is the thread's time on its processor; the time of other threads is separate. The simulation \
          has core 1; the control task shares core 0 with the machine's process, the log and everything else.",
     );
     match r.stolen {
         Some([simulation, control]) => {
-            said += &format!(
+            text += &format!(
                 " The hypervisor reports that it took {:.0} ms from the simulation's core and {:.0} ms from \
                  control's.",
                 simulation * 1e3,
                 control * 1e3
             );
         }
-        None => said += " The kernel does not report the time taken by a hypervisor.",
+        None => text += " The kernel does not report the time taken by a hypervisor.",
     }
-    said
+    text
 }
 
+/// Deadline statistics of a task as JSON.
 fn timing_json(t: &Timing) -> serde_json::Value {
     json!({
         "period_us": t.period as f64 * 1e-3, "steps": t.steps, "missed": t.missed,
@@ -198,6 +199,7 @@ fn timing_json(t: &Timing) -> serde_json::Value {
     })
 }
 
+/// Deadline statistics of both tasks, failures and losses.
 fn timing_table(model: &Description, r: &RealTime) -> String {
     let row = |name: &str, t: &Timing| {
         vec![
@@ -229,7 +231,7 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
     ];
     let table =
         output::table(&header, &[row("simulation", &r.simulation), row("control", &r.control)]);
-    let mut said = format!(
+    let mut text = format!(
         "\n\nDeadlines on {}\n{table}\n{} The paper ran both tasks at {:.0} us and {:.0} us on its IPC and \
          prints no execution times.",
         processor(),
@@ -238,18 +240,18 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
         model.numbers.control_period * 1e6,
     );
     for failure in &r.failures {
-        said += &format!("\n{failure}");
+        text += &format!("\n{failure}");
     }
     for lost in &r.lost {
-        said += &format!("\nnot granted: {lost}");
+        text += &format!("\nnot granted: {lost}");
     }
     if r.dropped > 0 {
-        said += &format!("\n{} records were lost on their way here", r.dropped);
+        text += &format!("\n{} records were lost on their way here", r.dropped);
     }
-    said
+    text
 }
 
-/// Processor and kernel as named by the system.
+/// Processor, number of its cores, and kernel, as named by the system.
 pub fn processor() -> String {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let cpus = read("/proc/cpuinfo");

@@ -1,4 +1,4 @@
-//! Delay and offset of the logs' channels: option to fix them, and results.
+//! Delay and offset of the logs' channels: option to fix them, and estimates.
 
 use crate::output;
 use clap::Args;
@@ -7,33 +7,34 @@ use serde_json::{Value, json};
 
 /// The option that fixes delays and offsets.
 #[derive(Args, Clone)]
-pub struct Fixed {
+pub struct FixedNuisances {
     /// Delays and offsets of channels that are known to be zero (once the mapping says what they are), with commas between
     /// them: `stroke.delay_ms`, `pressure_a.offset_bar`, or `delay`, `offset`, `all`. The others are free.
-    #[arg(long = "fix", value_name = "NAMES", value_delimiter = ',', value_parser = named)]
-    named: Vec<Named>,
+    #[arg(long = "fix", value_name = "NAMES", value_delimiter = ',', value_parser = selection)]
+    selections: Vec<Selection>,
 }
 
 /// Delays and offsets selected by one name.
 #[derive(Clone)]
-struct Named(Vec<Nuisance>);
+struct Selection(Vec<Nuisance>);
 
-fn named(text: &str) -> Result<Named, String> {
-    Nuisance::named(text.trim()).map(Named).map_err(|error| error.to_string())
+/// Parses the name of a delay or offset, or of several.
+fn selection(name: &str) -> Result<Selection, String> {
+    Nuisance::named(name.trim()).map(Selection).map_err(|error| error.to_string())
 }
 
-impl Fixed {
+impl FixedNuisances {
     /// Delays and offsets fixed at zero.
     pub fn all(&self) -> Vec<Nuisance> {
-        self.named.iter().flat_map(|named| named.0.iter().copied()).collect()
+        self.selections.iter().flat_map(|selection| selection.0.iter().copied()).collect()
     }
 }
 
-/// Heads of a table of channels.
+/// Column headings of a table of channels.
 pub const HEADER: [&str; 5] =
     ["delay or offset", "found", "95 %", "not zero", "strongest correlation"];
 
-/// Row of that table.
+/// Row of that table: estimate and 95 % interval in the unit of the delay (ms) or offset, and whether it is zero.
 pub fn row(channel: &Channel) -> Vec<String> {
     let unit = channel.nuisance.allowed().unit;
     let (low, high) = channel.interval();
@@ -52,8 +53,8 @@ pub fn row(channel: &Channel) -> Vec<String> {
     ]
 }
 
-/// Text: a table per log.
-pub fn said(channels: &[Channel]) -> String {
+/// Table of the estimates for each log.
+pub fn text(channels: &[Channel]) -> String {
     let tables = channels.chunk_by(|a, b| a.log == b.log).map(|of_log| {
         let rows: Vec<Vec<String>> = of_log.iter().map(row).collect();
         format!("{}:\n{}", of_log[0].log, output::table(&HEADER, &rows))
@@ -61,7 +62,7 @@ pub fn said(channels: &[Channel]) -> String {
     tables.collect::<Vec<_>>().join("\n")
 }
 
-/// Results as JSON.
+/// Estimates as JSON.
 pub fn in_json(channels: &[Channel]) -> Vec<Value> {
     let of = |c: &Channel| {
         let allowed = c.nuisance.allowed();
@@ -75,7 +76,7 @@ pub fn in_json(channels: &[Channel]) -> Vec<Value> {
     channels.iter().map(of).collect()
 }
 
-/// Remark on each one that ended at its limit.
+/// Remark on each estimate at a limit of its range.
 pub fn at_limit(channels: &[Channel]) -> impl Iterator<Item = String> {
     channels.iter().filter(|c| c.is_at_limit()).map(|c| {
         let allowed = c.nuisance.allowed();

@@ -9,43 +9,59 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Shortest interval between two writes of the file.
-const RARELY: Duration = Duration::from_secs(1);
+const WRITE_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Longest journal that is read \[B\].
-const LONGEST: u64 = 1_000_000;
+const LONGEST_FILE: u64 = 1_000_000;
 
 /// File with the best point of a search.
 pub struct Journal {
     path: PathBuf,
     /// Identification of the search: the journal of another one is refused.
     search: String,
+    /// Parameter vector of an interrupted search.
+    start: Option<Vec<f64>>,
     written: RefCell<Option<Instant>>,
 }
 
 impl Journal {
-    /// Opens a journal at a path, and returns the point that it contains.
-    pub fn open(path: &Path, search: String) -> Result<(Self, Option<Vec<f64>>)> {
-        let journal = Self { path: path.into(), search, written: RefCell::new(None) };
+    /// Opens a journal at a path, and reads the point of an interrupted search where it exists.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be read, is no journal, or that of another search.
+    pub fn open(path: &Path, search: String) -> Result<Self> {
+        let journal = Self { path: path.into(), search, start: None, written: RefCell::new(None) };
         if !path.exists() {
-            return Ok((journal, None));
+            return Ok(journal);
         }
         let wrong = |why: &str| {
             miette!(help = "remove it to begin anew, or name another", "{} {why}", path.display())
         };
-        let text = own_text(path, "journal", LONGEST).into_diagnostic()?;
+        let text = own_text(path, "journal", LONGEST_FILE).into_diagnostic()?;
         let whole: Value =
             serde_json::from_str(&text).map_err(|_| wrong("is no journal of a search"))?;
         if whole["search"].as_str() != Some(&journal.search) {
             return Err(wrong("is the journal of another search: other keys, logs or crane"));
         }
-        let at: Option<Vec<f64>> =
+        let point: Option<Vec<f64>> =
             whole["at"].as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
-        Ok((journal, Some(at.ok_or_else(|| wrong("holds no place of a search"))?)))
+        let start = Some(point.ok_or_else(|| wrong("holds no place of a search"))?);
+        Ok(Self { start, ..journal })
     }
 
-    /// Writes the best point of a search at intervals.
+    /// Parameter vector from which an interrupted search continues; none for a new search.
+    pub fn start(&self) -> Option<&[f64]> {
+        self.start.as_deref()
+    }
+
+    /// Writes the best point of a search, at most once a second unless `at_once`.
+    ///
+    /// # Errors
+    ///
+    /// If the file cannot be written.
     pub fn keep(&self, progress: &Progress<'_>, at_once: bool) -> Result<()> {
-        let is_due = self.written.borrow().is_none_or(|at| at.elapsed() > RARELY);
+        let is_due = self.written.borrow().is_none_or(|at| at.elapsed() > WRITE_INTERVAL);
         if progress.best.is_empty() || !(is_due || at_once) {
             return Ok(());
         }

@@ -1,6 +1,6 @@
-//! Profile likelihood of single keys: option and results.
+//! Profile likelihood of single keys: option, computation and results.
 
-use super::Shown;
+use super::five_digits::FiveDigits;
 use clap::Args;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::{Fit, Free, IdentifyError, LIMIT, Profile, Task, profile};
@@ -22,12 +22,16 @@ pub struct Profiles {
 }
 
 impl Profiles {
-    /// Computes the requested profiles; those completed if it is stopped.
-    pub fn of(&self, task: &Task<'_>, found: &Fit, stop: &AtomicBool) -> Result<Vec<Profile>> {
+    /// Computes the requested profiles about the optimum of a fit; those completed if `stop` is set.
+    ///
+    /// # Errors
+    ///
+    /// If a key is unknown or not among those of the fit, or a simulation fails.
+    pub fn compute(&self, task: &Task<'_>, fit: &Fit, stop: &AtomicBool) -> Result<Vec<Profile>> {
         let keys = match self.profile.as_slice() {
             [only] if only == "weak" => {
-                let open = found.tuned.iter().filter(|t| !t.is_determined());
-                open.map(|t| t.key).collect()
+                let weak = fit.tuned.iter().filter(|tuned| !tuned.is_determined());
+                weak.map(|tuned| tuned.key).collect()
             }
             named => named
                 .iter()
@@ -37,7 +41,7 @@ impl Profiles {
         let bar = ProgressBar::new_spinner();
         let mut profiles = Vec::new();
         for (k, key) in keys.iter().enumerate() {
-            let told = profile(task, found, *key, &|progress| {
+            let result = profile(task, fit, *key, &|progress| {
                 let (path, of) = (key.path(), keys.len());
                 bar.set_message(format!(
                     "profile {} of {of}, {path}: {} runs, {:.0} left",
@@ -48,12 +52,12 @@ impl Profiles {
                 bar.tick();
                 !stop.load(Ordering::Relaxed)
             });
-            match told {
+            match result {
                 Err(IdentifyError::Stopped) => {
                     bar.println(format!("stopped; {k} of {} profiles are done", keys.len()));
                     break;
                 }
-                told => profiles.push(told.into_diagnostic()?),
+                result => profiles.push(result.into_diagnostic()?),
             }
         }
         bar.finish_and_clear();
@@ -61,35 +65,32 @@ impl Profiles {
     }
 }
 
-/// Text of a profile.
-pub fn words(profile: &Profile) -> String {
+/// Values of a key that the logs contradict, in a sentence without its full stop.
+fn sentence(profile: &Profile) -> String {
     let key = &KEYS[profile.key.place];
-    let shown = |v: f64| format!("{:.5}", Shown(key.to_unit(v)));
-    let looked = [profile.points.first(), profile.points.last()];
-    let looked = looked.map(|p| shown(p.map_or(f64::NAN, |p| p.0)));
+    let shown = |v: f64| FiveDigits(key.to_unit(v)).to_string();
+    let ends = [profile.points.first(), profile.points.last()];
+    let [lowest, highest] = ends.map(|point| shown(point.map_or(f64::NAN, |point| point.0)));
     let path = key.path();
     match profile.interval.map(|v| v.map(shown)) {
         [Some(low), Some(high)] => {
             format!("{path}: the logs contradict less than {low} and more than {high}")
         }
         [Some(low), None] => {
-            format!("{path}: the logs contradict less than {low}, and nothing up to {}", looked[1])
+            format!("{path}: the logs contradict less than {low}, and nothing up to {highest}")
         }
         [None, Some(high)] => {
-            format!(
-                "{path}: the logs contradict more than {high}, and nothing down to {}",
-                looked[0]
-            )
+            format!("{path}: the logs contradict more than {high}, and nothing down to {lowest}")
         }
         [None, None] => {
-            format!("{path}: the logs contradict nothing between {} and {}", looked[0], looked[1])
+            format!("{path}: the logs contradict nothing between {lowest} and {highest}")
         }
     }
 }
 
 /// Text below the table of keys.
-pub fn said(profiles: &[Profile]) -> String {
-    let lines: Vec<String> = profiles.iter().map(|p| format!("  {}", words(p))).collect();
+pub fn text(profiles: &[Profile]) -> String {
+    let lines: Vec<String> = profiles.iter().map(|p| format!("  {}", sentence(p))).collect();
     format!(
         "for any values of the other keys, without the prior of this one (profile likelihood, 95 %):\n{}",
         lines.join("\n")
@@ -108,15 +109,19 @@ pub fn in_json(profiles: &[Profile]) -> Vec<Value> {
     profiles.iter().map(of).collect()
 }
 
-/// Figure with its caption.
-pub fn drawn(profile: &Profile, found: &Fit) -> std::result::Result<Markup, LabError> {
+/// Figure of a profile with its caption, beside the parabola that the interval of the table assumes.
+///
+/// # Errors
+///
+/// [`LabError`] if the figure cannot be drawn.
+pub fn profile_figure(profile: &Profile, fit: &Fit) -> std::result::Result<Markup, LabError> {
     let key = &KEYS[profile.key.place];
     let points: Vec<(f64, f64)> =
         profile.points.iter().map(|(v, rise)| (key.to_unit(*v), *rise)).collect();
     let ends = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p.0));
     let mut lines = vec![("profile", points.clone())];
     // parabola assumed by the intervals of the table
-    let tuned = found.tuned.iter().find(|t| t.key == profile.key);
+    let tuned = fit.tuned.iter().find(|tuned| tuned.key == profile.key);
     if let Some(tuned) = tuned.filter(|t| t.others_exact.is_finite()) {
         let middle = key.to_unit(tuned.value.1);
         let at = |k: i32| ends[0] + (ends[1] - ends[0]) * f64::from(k) / 40.0;
@@ -128,5 +133,5 @@ pub fn drawn(profile: &Profile, found: &Fit) -> std::result::Result<Markup, LabE
     lines.push(("contradicted above", vec![(ends[0], LIMIT), (ends[1], LIMIT)]));
     let (x, y) = (format!("{} [{}]", key.path(), key.unit), "rise of the sum [squared deviations]");
     let svg = Figure { x: &x, y, series: Series::list(lines), axes: Axes::Linear }.drawn()?;
-    Ok(figure(&format!("{}.", words(profile)), &svg))
+    Ok(figure(&format!("{}.", sentence(profile)), &svg))
 }

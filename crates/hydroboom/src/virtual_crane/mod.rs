@@ -1,32 +1,27 @@
 //! `hydroboom virtual`
 
+mod controller_keys;
+mod summary_text;
+
 use crate::crane_file::{CraneFile, text};
 use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile, OutputFolder};
+use crate::strategy_argument::strategies;
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::dataset::dataset;
 use hydroboom_lab::simulate::Recording;
-use hydroboom_lab::virtual_estimates::Compared;
 use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_lab::virtual_survey::{SurveyOrder, virtual_survey};
 use hydroboom_virtual_crane::Effect;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-
-/// Parser of all strategies by their names.
-pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
-    let offered = Strategy::ALL.map(|strategy| PossibleValue::new(strategy.name()));
-    // refused with its own message
-    let replaced = PossibleValue::new("model-following").hide(true);
-    PossibleValuesParser::new(offered.into_iter().chain([replaced]))
-        .try_map(|name| name.parse::<Strategy>())
-}
+use std::path::Path;
+use summary_text::summary_text;
 
 /// Simulate the virtual crane, a substitute for a real one; log its sensor signals and the estimates of the state
 /// estimator.
@@ -88,7 +83,29 @@ pub struct Virtual {
 
 impl Virtual {
     /// Runs the command.
+    ///
+    /// # Errors
+    ///
+    /// If an input is invalid, `--set` names a key that only the controller uses, or a simulation fails.
     pub fn run(self) -> Result<()> {
+        let crane = self.machine()?;
+        controller_keys::refuse(&self.crane, &crane, self.model.is_some())?;
+        let model = self.controller_model()?;
+        if let Some(path) = &self.survey {
+            return self.write_survey(path, &model, &crane);
+        }
+        if let Some(folder) = &self.dataset {
+            return self.write_dataset(folder, &model, &crane);
+        }
+        self.simulate(&model, &crane)
+    }
+
+    /// Virtual crane without the effects that are switched off.
+    ///
+    /// # Errors
+    ///
+    /// If its file is invalid, or there is no such effect.
+    fn machine(&self) -> Result<Description> {
         let mut crane = self.crane.read_or(Description::uia_virtual)?;
         for name in &self.without {
             let effect = Effect::from_name(name).ok_or_else(|| {
@@ -97,70 +114,85 @@ impl Virtual {
             })?;
             effect.remove_from(&mut crane)?;
         }
-        if let Some(assignment) = self.crane.overrides().iter().find(|a| is_of_controller(a)) {
-            miette::bail!(
-                help = format!("--model-set {assignment}"),
-                "--set {assignment}: --set changes the machine, and this is what its controller knows"
-            );
-        }
-        if let (Some(path), None) = (self.crane.path(), &self.model)
-            && let Some(key) = key_of_controller(&crane)
-        {
-            miette::bail!(
-                help = format!("--model {} makes the controller know this file", path.display()),
-                "{} has {key}, which is of the controller, and --crane is the machine: without --model the controller knows the paper's crane",
-                path.display()
-            );
-        }
+        Ok(crane)
+    }
+
+    /// Model that the controllers use, with its overrides.
+    ///
+    /// # Errors
+    ///
+    /// If its file or an override is invalid.
+    fn controller_model(&self) -> Result<Description> {
         let mut model = match &self.model {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
         };
         model.set_together_within_range(self.model_set.iter().map(String::as_str))?;
-        if let Some(path) = &self.survey {
-            let order = SurveyOrder {
-                loads: [0.0, model.numbers.payload],
-                deviation: self.survey_noise_mm * 1e-3,
-                seed: self.survey_seed,
-            };
-            let survey = virtual_survey(&crane, &order).into_diagnostic()?;
-            output::file(path, survey.text().as_bytes());
-            return match self.json {
-                true => output::json(&json!({ "written": path, "poses": survey.points.len() })),
-                false => output::text(&format!(
-                    "{} poses of \"{}\" in {}; hydroboom tip --survey {} fits base and bending to it",
-                    survey.points.len(),
-                    crane.name,
-                    path.display(),
-                    path.display()
-                )),
-            };
+        Ok(model)
+    }
+
+    /// Writes a survey of the tip at rest, and prints the number of its poses.
+    ///
+    /// # Errors
+    ///
+    /// If the crane has no state of rest in a pose.
+    fn write_survey(&self, path: &Path, model: &Description, crane: &Description) -> Result<()> {
+        let order = SurveyOrder {
+            loads: [0.0, model.numbers.payload],
+            deviation: self.survey_noise_mm * 1e-3,
+            seed: self.survey_seed,
+        };
+        let survey = virtual_survey(crane, &order).into_diagnostic()?;
+        output::file(path, survey.text().as_bytes());
+        match self.json {
+            true => output::json(&json!({ "written": path, "poses": survey.points.len() })),
+            false => output::text(&format!(
+                "{} poses of \"{}\" in {}; hydroboom tip --survey {} fits base and bending to it",
+                survey.points.len(),
+                crane.name,
+                path.display(),
+                path.display()
+            )),
         }
-        if let Some(folder) = &self.dataset {
-            let bar = ProgressBar::new(1000);
-            let files = dataset(&model, &crane, folder, |share| {
-                bar.set_position((share * 1000.0) as u64);
-            });
-            bar.finish_and_clear();
-            let files = files.into_diagnostic()?;
-            return match self.json {
-                true => output::json(&json!({ "written": folder, "files": files })),
-                false => output::text(&format!(
-                    "{} files in {}; start with its README.md",
-                    files.len(),
-                    folder.display()
-                )),
-            };
+    }
+
+    /// Writes a set of logs into a new folder, and prints the number of its files.
+    ///
+    /// # Errors
+    ///
+    /// If a simulation fails, or the set cannot be written.
+    fn write_dataset(&self, folder: &Path, model: &Description, crane: &Description) -> Result<()> {
+        let bar = ProgressBar::new(1000);
+        let files = dataset(model, crane, folder, |share| {
+            bar.set_position((share * 1000.0) as u64);
+        });
+        bar.finish_and_clear();
+        let files = files.into_diagnostic()?;
+        match self.json {
+            true => output::json(&json!({ "written": folder, "files": files })),
+            false => output::text(&format!(
+                "{} files in {}; start with its README.md",
+                files.len(),
+                folder.display()
+            )),
         }
+    }
+
+    /// Simulates the virtual crane, prints a summary, and writes a log.
+    ///
+    /// # Errors
+    ///
+    /// If the recorded input is invalid, there is no such scenario, or the simulation fails.
+    fn simulate(&self, model: &Description, crane: &Description) -> Result<()> {
         let speed = match self.speed_mm_s {
-            asked @ Some(_) => number::speed_of_motion(&crane, asked)?,
+            requested @ Some(_) => number::speed_of_motion(crane, requested)?,
             None => model.numbers.fast,
         };
-        let choice = match self.scenario {
-            Some(name) => CourseChoice::Scenario(name),
+        let choice = match &self.scenario {
+            Some(name) => CourseChoice::Scenario(name.clone()),
             None => CourseChoice::Motion(speed),
         };
-        let course = choice.of(&crane).into_diagnostic()?;
+        let course = choice.of(crane).into_diagnostic()?;
         let task = match &self.input {
             Some(path) => Task::Recording(Recording::read(path).into_diagnostic()?),
             None => Task::Course(course.as_ref(), self.strategy),
@@ -171,7 +203,7 @@ impl Virtual {
         let log =
             self.log.as_deref().map(|path| LogOrder { path, contents, estimates: true, interval });
         let logs: Vec<_> = log.into_iter().collect();
-        let result = virtual_run(&model, &crane, &task, &logs, |share| {
+        let result = virtual_run(model, crane, &task, &logs, |share| {
             bar.set_position((share * 1000.0) as u64);
         });
         bar.finish_and_clear();
@@ -185,61 +217,10 @@ impl Virtual {
             value["log"] = json!(self.log);
             return output::json(&value);
         }
-        let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
-        let [rms, rms_measured, peak, peak_measured] = summary.error.cells();
-        if let Some(oscillation) = summary.sustained_oscillation {
-            said += &format!(", UNSTABLE, in sustained oscillation of {oscillation}");
-        } else if rms.is_finite() {
-            said += &format!(
-                ", tracking error RMS true {rms:.3} mm, measured {rms_measured:.3} mm, peak true {peak:.3} mm, measured {peak_measured:.3} mm"
-            );
-        }
-        said += &format!(
-            "; at the end x_cyl {:.3} mm, p_A {:.2} bar, oil {:.2} C; largest motor torque {:.1} N m",
-            summary.stroke_mm, summary.pressure_a_bar, summary.oil_c, summary.torque_nm
-        );
-        if let Some(estimates) = &summary.estimates {
-            said += &format!(
-                "\n\nstate estimator of scheduled-lqr beside the virtual crane, at the end:\n{}",
-                output::table(&ESTIMATES, &estimates.iter().map(estimate).collect::<Vec<_>>())
-            );
-        }
+        let mut text = summary_text(&crane.name, &summary);
         if let Some(log) = &self.log {
-            said += &output::named("log", log);
+            text += &output::named("log", log);
         }
-        output::text(&said)
+        output::text(&text)
     }
-}
-
-/// First key of the crane file that only a controller uses.
-fn key_of_controller(crane: &Description) -> Option<String> {
-    let mut entries = crane.entries();
-    let found = entries.find(|(key, _, origin)| {
-        CONTROLLER_SECTIONS.contains(&key.section) && origin.line.is_some()
-    });
-    found.map(|(key, ..)| key.path())
-}
-
-/// Sections of the crane file that only a controller uses.
-const CONTROLLER_SECTIONS: [&str; 2] = ["estimator", "scheduled_lqr"];
-
-/// Whether an override sets a key of estimator or control law.
-fn is_of_controller(assignment: &str) -> bool {
-    let section = assignment.trim().split('.').next();
-    section.is_some_and(|section| CONTROLLER_SECTIONS.contains(&section))
-}
-
-const ESTIMATES: [&str; 5] =
-    ["quantity", "estimated", "standard deviation", "true", "RMS error over the run"];
-
-fn estimate((name, compared): (&str, &Compared)) -> Vec<String> {
-    let Compared { estimated, deviation, true_value, rms_error } = compared;
-    let shown = |value: Option<f64>| output::optional(value, 3);
-    vec![
-        name.into(),
-        shown(Some(*estimated)),
-        shown(*deviation),
-        shown(*true_value),
-        shown(*rms_error),
-    ]
 }

@@ -1,125 +1,183 @@
 //! `hydroboom motion --family`
 
-use crate::interruptible::{Interruptible, of_asked};
+use crate::interruptible::{Interruptible, of_requested};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
-use hydroboom_lab::closed_loop::monte_carlo::{Row, family, members, rows, variations};
+use hydroboom_lab::closed_loop::monte_carlo::{
+    Member, Outcomes, Row, family as simulate_family, members, rows, variations,
+};
 use hydroboom_lab::closed_loop::period_time::{PeriodTime, period_times};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::motion_test::UNSTABLE_MARK;
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result, bail};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// Settings of a family.
 pub struct Family {
     /// Number of cranes.
     pub count: u64,
-    /// Seed.
+    /// Seed of the random parameters.
     pub seed: u64,
     /// Whether the family is widened: further parameters vary.
     pub is_widened: bool,
-    /// Whether the baselines are run too.
+    /// Whether the baselines are run too, and the computing times measured.
     pub has_baselines: bool,
 }
 
 /// Runs per execution time measurement, of which the minimum of each period counts.
 const TIMED_RUNS: u32 = 3;
 
-/// Runs every controller along every course on virtual cranes drawn around the chosen machine.
+/// Runs every controller along every course on virtual cranes drawn around the chosen machine, and prints and writes
+/// the results.
+///
+/// # Errors
+///
+/// If a crane or controller cannot be built, or no crane had completed its courses at an interruption.
 pub fn run(
     choice: &MachineChoice,
-    &Family { count, seed, is_widened, has_baselines }: &Family,
+    family: &Family,
     courses: &[CourseChoice],
     out: Option<&Path>,
     as_json: bool,
 ) -> Result<()> {
-    let (model, nominal) = (&choice.model, &choice.machine);
-    let names = courses
-        .iter()
-        .map(|course| course.of(nominal).map(|course| course.name()))
-        .collect::<Result<Vec<_>, _>>()
-        .into_diagnostic()?;
-    let controllers = match has_baselines {
-        true => ControllerChoice::all(model).into_diagnostic()?,
-        false => ControllerChoice::strategies(),
-    };
-    let cranes = members(nominal, (count, seed), is_widened).into_diagnostic()?;
-    let work = Interruptible::new(count, "cranes")?;
-    let go_on = |share: f64| work.done(share);
-    let results = family(model, cranes, &controllers, courses, &go_on);
-    drop(work);
-    let results = results.into_diagnostic()?;
-    if results.is_empty() {
-        bail!("none of {count} cranes had gone all the way when it was interrupted");
-    }
-    let rows = rows(&controllers, &names, &results);
-    let unstable: Vec<ControllerChoice> = controllers
-        .iter()
-        .copied()
-        .filter(|controller| controller.has_stable_loops(model, nominal) == Some(false))
-        .collect();
-    // execution times are measured one after the other, when no simulation runs
-    let timed = match courses.last().filter(|_| has_baselines) {
-        Some(course) => {
-            let course = course.of(nominal).into_diagnostic()?;
-            period_times(model, nominal, &controllers, course.as_ref(), TIMED_RUNS)
-                .into_diagnostic()?
-        }
-        None => Vec::new(),
-    };
+    let results = FamilyResults::new(choice, family, courses)?;
     if let Some(folder) = out {
-        let page = report::family_page(&choice.name(), results.len(), seed, is_widened, &rows);
+        let Family { seed, is_widened, .. } = *family;
+        let (count, rows) = (results.cranes.len(), &results.rows);
+        let page = report::family_page(&choice.name(), count, seed, is_widened, rows);
         output::page_in_folder(folder, "family", &page, Some(seed));
     }
-    if as_json {
-        let cranes: Vec<_> = results
+    match as_json {
+        true => output::json(&results.in_json()),
+        false => output::text(&results.text()),
+    }
+}
+
+/// Results of a family.
+struct FamilyResults<'a> {
+    choice: &'a MachineChoice,
+    family: &'a Family,
+    controllers: Vec<ControllerChoice>,
+    /// Names of the courses.
+    courses: Vec<String>,
+    /// Completed cranes with their outcomes, in the order of controllers and courses.
+    cranes: Vec<(Member, Outcomes)>,
+    rows: Vec<Row>,
+    /// Controllers whose linearised loops are unstable on the machine that the family is drawn around.
+    unstable: Vec<ControllerChoice>,
+    /// Computing times of a control period along the last course; empty without baselines.
+    period_times: Vec<PeriodTime>,
+}
+
+impl<'a> FamilyResults<'a> {
+    fn new(
+        choice: &'a MachineChoice,
+        family: &'a Family,
+        courses: &[CourseChoice],
+    ) -> Result<Self> {
+        let (model, nominal) = (&choice.model, &choice.machine);
+        let names = courses
+            .iter()
+            .map(|course| course.of(nominal).map(|course| course.name()))
+            .collect::<Result<Vec<_>, _>>()
+            .into_diagnostic()?;
+        let controllers = match family.has_baselines {
+            true => ControllerChoice::all(model).into_diagnostic()?,
+            false => ControllerChoice::strategies(),
+        };
+        let size = (family.count, family.seed);
+        let members = members(nominal, size, family.is_widened).into_diagnostic()?;
+        let work = Interruptible::new(family.count, "cranes")?;
+        let go_on = |share: f64| work.done(share);
+        let cranes = simulate_family(model, members, &controllers, courses, &go_on);
+        drop(work);
+        let cranes = cranes.into_diagnostic()?;
+        if cranes.is_empty() {
+            bail!("none of {} cranes had gone all the way when it was interrupted", family.count);
+        }
+        let rows = rows(&controllers, &names, &cranes);
+        let unstable: Vec<ControllerChoice> = controllers
+            .iter()
+            .copied()
+            .filter(|controller| controller.has_stable_loops(model, nominal) == Some(false))
+            .collect();
+        // execution times are measured one after the other, when no simulation runs
+        let period_times = match courses.last().filter(|_| family.has_baselines) {
+            Some(course) => {
+                let course = course.of(nominal).into_diagnostic()?;
+                period_times(model, nominal, &controllers, course.as_ref(), TIMED_RUNS)
+                    .into_diagnostic()?
+            }
+            None => Vec::new(),
+        };
+        let courses = names;
+        Ok(Self { choice, family, controllers, courses, cranes, rows, unstable, period_times })
+    }
+
+    fn in_json(&self) -> Value {
+        let Family { count, seed, is_widened, .. } = *self.family;
+        let cranes: Vec<_> = self
+            .cranes
             .iter()
             .map(|(member, outcomes)| json!({ "values": member.values, "outcomes": outcomes }))
             .collect();
-        let strategies: Vec<_> = controllers.iter().map(|c| c.name()).collect();
-        return output::json(&json!({
-            "asked": count, "family": rows, "seed": seed, "variations": variations(is_widened),
-            "strategies": strategies, "unstable_around_nominal": unstable, "courses": names, "cranes": cranes, "period_times": timed,
-            "plant": choice.json(),
-        }));
+        let strategies: Vec<_> = self.controllers.iter().map(|c| c.name()).collect();
+        json!({
+            "asked": count, "family": self.rows, "seed": seed, "variations": variations(is_widened),
+            "strategies": strategies, "unstable_around_nominal": self.unstable, "courses": self.courses,
+            "cranes": cranes, "period_times": self.period_times, "plant": self.choice.json(),
+        })
     }
-    let beside_lqr = match has_baselines {
-        true => format!(
-            "\n\nover the scheduled LQR's on the same crane: median (least .. largest)\n{}",
-            beside_the_scheduled_lqr(&rows)
-        ),
-        false => String::new(),
-    };
-    let missing: String = rows.iter().filter_map(without_solution).collect();
-    let times = match timed.is_empty() {
-        true => String::new(),
-        false => format!(
+
+    fn text(&self) -> String {
+        let Family { count, seed, is_widened, has_baselines } = *self.family;
+        let beside_lqr = match has_baselines {
+            true => format!(
+                "\n\nover the scheduled LQR's on the same crane: median (least .. largest)\n{}",
+                beside_the_scheduled_lqr(&self.rows)
+            ),
+            false => String::new(),
+        };
+        let missing: String = self.rows.iter().filter_map(without_solution).collect();
+        format!(
+            "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}{}\n\nover the benchmark's on the same crane\n{}{beside_lqr}{missing}{}",
+            of_requested(self.cranes.len(), count as usize),
+            if is_widened { "of a widened family " } else { "" },
+            self.choice.name(),
+            table(&self.rows, &self.unstable),
+            match self.unstable.is_empty() {
+                true => String::new(),
+                false => format!("\n{UNSTABLE_AROUND_NOMINAL}"),
+            },
+            beside_the_benchmark(&self.rows),
+            self.period_times_text()
+        )
+    }
+
+    /// Computing times of a control period; empty without baselines.
+    fn period_times_text(&self) -> String {
+        if self.period_times.is_empty() {
+            return String::new();
+        }
+        format!(
             "\n\ntime of a control period on this machine, along {} on \"{}\": of each period the least of {TIMED_RUNS} runs\n{}",
-            names.last().map_or("", |name| name.trim()),
-            choice.name(),
-            times(&timed)
-        ),
-    };
-    output::text(&format!(
-        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}{}\n\nover the benchmark's on the same crane\n{}{beside_lqr}{missing}{times}",
-        of_asked(results.len(), count as usize),
-        if is_widened { "of a widened family " } else { "" },
-        choice.name(),
-        table(&rows, &unstable),
-        if unstable.is_empty() { String::new() } else { format!("\n{UNSTABLE_AROUND_NOMINAL}") },
-        beside_the_benchmark(&rows)
-    ))
+            self.courses.last().map_or("", |name| name.trim()),
+            self.choice.name(),
+            period_time_table(&self.period_times)
+        )
+    }
 }
 
 /// Explanation of the mark in a table of a family.
 const UNSTABLE_AROUND_NOMINAL: &str = "(!): its closed loop is unstable around the crane that the family is drawn around, linearised; its errors are no merit. `hydroboom design --family` \
      counts the cranes of the family.";
 
+/// Table of the controllers: percentiles over the family, and numbers of oscillating and unfinished cranes.
 fn table(rows: &[Row], unstable: &[ControllerChoice]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
@@ -193,8 +251,9 @@ fn without_solution(row: &Row) -> Option<String> {
     })
 }
 
-fn times(timed: &[PeriodTime]) -> String {
-    let cells: Vec<Vec<String>> = timed
+/// Table of the median and the 99.9th percentile of the computing times \[us\].
+fn period_time_table(times: &[PeriodTime]) -> String {
+    let cells: Vec<Vec<String>> = times
         .iter()
         .map(|t| {
             let [median, most] = [t.median_us, t.percentile_99_9_us].map(|us| format!("{us:.1}"));

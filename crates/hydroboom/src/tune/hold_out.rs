@@ -1,6 +1,7 @@
-//! Options for hold-out validation, and results.
+//! Hold-out validation and cross-validation: options, and results.
 
-use super::in_json as key_in_json;
+use super::five_digits::FiveDigits;
+use super::outcome_json::key_in_json;
 use crate::output;
 use clap::Args;
 use hydroboom_description::schema::KEYS;
@@ -21,11 +22,15 @@ pub struct HoldOut {
 }
 
 /// Smallest number of samples in a stretch, and outside it.
-const LEAST: usize = 10;
+const LEAST_SAMPLES: usize = 10;
 
 impl HoldOut {
-    /// Checks that each stretch is within a log, and that enough samples remain for the fit.
-    pub fn checked(&self, logs: &[Experiment]) -> Result<()> {
+    /// Checks that each stretch has at least ten samples of a log, and that as many remain for each fit.
+    ///
+    /// # Errors
+    ///
+    /// If not, with the times of the logs.
+    pub fn check(&self, logs: &[Experiment]) -> Result<()> {
         let times = |log: &Experiment| {
             let measured = log.samples.iter().filter(|s| s.values.iter().any(Option::is_some));
             let begin = log.begin;
@@ -41,10 +46,13 @@ impl HoldOut {
         let is_in = |s: &Stretch, t: &f64| (s.from..s.to).contains(t);
         for s in &self.hold_out {
             let held = all.iter().map(|times| times.iter().filter(|t| is_in(s, t)).count()).max();
-            if held.is_none_or(|held| held < LEAST) {
+            if held.is_none_or(|held| held < LEAST_SAMPLES) {
                 return Err(miette!(
-                    help = format!("a stretch with at least {LEAST} samples of a log: {}", spans()),
-                    "--hold-out {}:{} is outside the logs, or has fewer than {LEAST} samples of one",
+                    help = format!(
+                        "a stretch with at least {LEAST_SAMPLES} samples of a log: {}",
+                        spans()
+                    ),
+                    "--hold-out {}:{} is outside the logs, or has fewer than {LEAST_SAMPLES} samples of one",
                     s.from,
                     s.to
                 ));
@@ -57,7 +65,7 @@ impl HoldOut {
         };
         for held in sets {
             let is_left = |t: &&f64| !held.iter().any(|s| is_in(s, t));
-            if all.iter().flatten().filter(is_left).count() < LEAST {
+            if all.iter().flatten().filter(is_left).count() < LEAST_SAMPLES {
                 return Err(miette!(
                     help = format!("hold out less of {}", spans()),
                     "--hold-out leaves nothing of the logs to be tuned to"
@@ -66,25 +74,33 @@ impl HoldOut {
         }
         Ok(())
     }
+
+    /// Experiments of the last search: without the stretches, or whole if these were held out in turn before.
+    pub fn fitted(&self, experiments: &[Experiment]) -> Vec<Experiment> {
+        match self.in_turn {
+            true => experiments.to_vec(),
+            false => experiments.iter().map(|e| e.without(&self.hold_out)).collect(),
+        }
+    }
 }
 
-/// Result of one search of several that hold out one stretch after the other.
-pub struct InTurn {
+/// Fold of a cross-validation: the estimates of a search that held out one stretch.
+pub struct Fold {
     /// Stretch that was held out.
     pub stretch: Stretch,
-    /// Keys.
+    /// Estimates of the keys.
     pub tuned: Vec<Tuned>,
-    /// Correlation of the keys.
+    /// Posterior correlation matrix of the keys \[-\].
     pub correlation: Vec<Vec<f64>>,
 }
 
-impl InTurn {
-    /// Result of a search without a stretch.
-    pub fn new(stretch: Stretch, found: &Fit) -> Self {
-        Self { stretch, tuned: found.tuned.clone(), correlation: found.correlation.clone() }
+impl Fold {
+    /// Fold of a fit without a stretch.
+    pub fn new(stretch: Stretch, fit: &Fit) -> Self {
+        Self { stretch, tuned: fit.tuned.clone(), correlation: fit.correlation.clone() }
     }
 
-    /// Result as JSON.
+    /// Fold as JSON.
     pub fn in_json(&self) -> Value {
         json!({
             "from_s": self.stretch.from, "to_s": self.stretch.to,
@@ -93,33 +109,33 @@ impl InTurn {
     }
 }
 
-/// Heads of the table of all searches: the key, then a column per held-out stretch.
-pub fn keys_header(searches: &[InTurn]) -> Vec<String> {
-    let without = |s: &InTurn| format!("without {} to {} s", s.stretch.from, s.stretch.to);
-    std::iter::once("key".into()).chain(searches.iter().map(without)).collect()
+/// Column headings of the table of all folds: the key, then a column per held-out stretch.
+pub fn folds_header(folds: &[Fold]) -> Vec<String> {
+    let without = |s: &Fold| format!("without {} to {} s", s.stretch.from, s.stretch.to);
+    std::iter::once("key".into()).chain(folds.iter().map(without)).collect()
 }
 
-/// Rows of the table: values with their 95 % intervals.
-pub fn keys_rows(searches: &[InTurn]) -> Vec<Vec<String>> {
-    let Some(first) = searches.first() else { return Vec::new() };
+/// Rows of the table: a key each, with its values and their 95 % intervals in its unit.
+pub fn folds_rows(folds: &[Fold]) -> Vec<Vec<String>> {
+    let Some(first) = folds.first() else { return Vec::new() };
     let row = |(k, t): (usize, &Tuned)| {
         let key = &KEYS[t.key.place];
-        let cell = |s: &InTurn| {
+        let cell = |s: &Fold| {
             let t = &s.tuned[k];
             let (low, high) = t.interval();
-            let shown = |value: f64| super::Shown(key.to_unit(value));
+            let shown = |value: f64| FiveDigits(key.to_unit(value));
             format!("{} ({} to {})", shown(t.value.1), shown(low), shown(high))
         };
-        std::iter::once(key.path()).chain(searches.iter().map(cell)).collect()
+        std::iter::once(key.path()).chain(folds.iter().map(cell)).collect()
     };
     first.tuned.iter().enumerate().map(row).collect()
 }
 
-/// Keys whose 95 % intervals from two searches are disjoint.
-pub fn contradicting(searches: &[InTurn]) -> Vec<String> {
-    let Some(first) = searches.first() else { return Vec::new() };
+/// Paths of the keys whose 95 % intervals from two folds are disjoint.
+pub fn contradicting_keys(folds: &[Fold]) -> Vec<String> {
+    let Some(first) = folds.first() else { return Vec::new() };
     let is_apart = |k: usize| {
-        let intervals = || searches.iter().map(|s| s.tuned[k].interval());
+        let intervals = || folds.iter().map(|s| s.tuned[k].interval());
         let highest_low = intervals().map(|i| i.0).fold(f64::NEG_INFINITY, f64::max);
         let lowest_high = intervals().map(|i| i.1).fold(f64::INFINITY, f64::min);
         highest_low > lowest_high
@@ -128,6 +144,7 @@ pub fn contradicting(searches: &[InTurn]) -> Vec<String> {
     apart.map(|(_, t)| t.key.path()).collect()
 }
 
+/// Parses a stretch, FROM:TO in seconds.
 fn stretch(text: &str) -> std::result::Result<Stretch, String> {
     let read = |part: &str| part.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     let pair = text.split_once(':').and_then(|(from, to)| Some((read(from)?, read(to)?)));
@@ -137,8 +154,8 @@ fn stretch(text: &str) -> std::result::Result<Stretch, String> {
     }
 }
 
-/// Table of the prediction errors, followed by the oscillations.
-pub fn said(held: &[HeldOut]) -> String {
+/// Table of the RMS prediction errors in the signals' units, followed by the oscillations of log and model.
+pub fn text(held: &[HeldOut]) -> String {
     let mut rows = Vec::new();
     for h in held {
         for f in &h.signals {
@@ -154,11 +171,11 @@ pub fn said(held: &[HeldOut]) -> String {
         }
     }
     let header = ["held out", "RMS of", "model", "line before", "last value", "line through it"];
-    let mut said = output::table(&header, &rows);
+    let mut text = output::table(&header, &rows);
     for h in held {
         for d in &h.whole {
             let (Some(log), Some(model)) = (d.ringing, d.model_ringing) else { continue };
-            said += &format!(
+            text += &format!(
                 "\nwithout {} to {} s: {} oscillates at {:.3} Hz, the model at {:.3} Hz ({:+.1} %); damping {}, \
                  the model's {}",
                 h.stretch.from,
@@ -172,24 +189,24 @@ pub fn said(held: &[HeldOut]) -> String {
             );
         }
     }
-    said
+    text
 }
 
-/// Results of several searches, and the keys on which they contradict each other.
-pub fn keys_said(searches: &[InTurn]) -> String {
-    let header = keys_header(searches);
+/// Table of the folds, and the keys on which they contradict each other.
+pub fn folds_text(folds: &[Fold]) -> String {
+    let header = folds_header(folds);
     let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    let mut said = output::table(&header, &keys_rows(searches));
-    for key in contradicting(searches) {
-        said += &format!("\n{key}: {APART}");
+    let mut text = output::table(&header, &folds_rows(folds));
+    for key in contradicting_keys(folds) {
+        text += &format!("\n{key}: {CONTRADICTION}");
     }
-    said
+    text
 }
 
 /// Note on a key whose result depends on the part of the log.
-pub const APART: &str = "intervals of two of these searches have nothing in common: an effect that the model omits is attributed to it";
+pub const CONTRADICTION: &str = "intervals of two of these searches have nothing in common: an effect that the model omits is attributed to it";
 
-/// Results as JSON.
+/// Hold-out validation as JSON.
 pub fn in_json(held: &[HeldOut]) -> Vec<Value> {
     held.iter()
         .map(|h| {
@@ -232,17 +249,17 @@ mod tests {
             determination: hydroboom_identify::Determination::Determined,
             partner: None,
         };
-        let without = |from: f64, tuned: Tuned| InTurn {
+        let without = |from: f64, tuned: Tuned| Fold {
             stretch: Stretch { from, to: 18.0 },
             tuned: vec![tuned],
             correlation: vec![vec![1.0]],
         };
         // a factor of exp(1.96 times 0.0255) in both directions
         let near = [without(10.0, found(200.0, 0.0255)), without(14.0, found(215.0, 0.0255))];
-        assert!(contradicting(&near).is_empty());
-        assert_eq!(keys_rows(&near)[0][1], "200.00 (190.25 to 210.25)");
+        assert!(contradicting_keys(&near).is_empty());
+        assert_eq!(folds_rows(&near)[0][1], "200.00 (190.25 to 210.25)");
         let apart = [without(10.0, found(200.0, 0.0255)), without(14.0, found(225.0, 0.0255))];
-        assert_eq!(contradicting(&apart), ["payload.mass_kg"]);
-        assert!(keys_said(&apart).contains("nothing in common"));
+        assert_eq!(contradicting_keys(&apart), ["payload.mass_kg"]);
+        assert!(folds_text(&apart).contains("nothing in common"));
     }
 }
