@@ -56,7 +56,7 @@ fn devices_stay_in_safe_op_and_measure_until_a_command_enables_drives() {
     assert_eq!(running.until(500, &Outgoing::SAFE, |m| m.state() != MachineState::Ready), None);
     assert_eq!(running.states(), [State::SafeOp; 4]);
     let incoming = running.machine.read().unwrap();
-    assert!(incoming.measurement.axes[0].signals.pressure_pa.is_finite());
+    assert!(incoming.measurement.axes[0].signals.pressure_pump_a.is_finite());
     // with and without outputs the working counter is the same
     assert_eq!(running.bus.counters().low, 0);
     let rest = enabled(Command::default());
