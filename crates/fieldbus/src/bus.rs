@@ -151,7 +151,11 @@ impl<L: Link> Bus<L> {
                 .iter()
                 .map(crate::table::DeviceRow::working_counter)
                 .sum(),
-            drives: table.drives.iter().cloned().map(Drive::new).collect(),
+            drives: table
+                .drives
+                .iter()
+                .map(|row| Drive::new(row.clone(), table.bus.period))
+                .collect(),
             lost: window(),
             low: window(),
             table,
