@@ -91,8 +91,7 @@ impl Fault {
             Self::StateDropped { device, code } => {
                 let Explanation { cause, advice, .. } = explanation(code);
                 format!("{} left OP (or SAFEOP) without a request, or did not reach OP: {cause} (AL status code \
-                0x{code:04X}); {advice}, then \
-                start the bus again", name(device))
+                0x{code:04X}); {advice}, then start the bus again", name(device))
             }
             Self::Drive { device, code } => {
                 let why = match (code, error_text(code)) {
