@@ -35,7 +35,7 @@ codes! {
     InvalidSyncManager = 0x0017, "sync manager configuration is invalid";
     NoValidInputs = 0x0018, "there are no valid inputs";
     NoValidOutputs = 0x0019, "there are no valid outputs";
-    SynchronisationError = 0x001a, "synchronisation error: frames miss their time before SYNC0";
+    SynchronisationError = 0x001a, "synchronisation of outputs and SYNC0 lost";
     SyncManagerWatchdog = 0x001b, "process-data watchdog: no outputs came within its time";
     InvalidSyncManagerTypes = 0x001c, "types of sync managers are invalid";
     InvalidOutputConfiguration = 0x001d, "outputs: sync manager does not fit the mapped process data";
@@ -53,14 +53,14 @@ codes! {
     FreeRunNeedsThreeBuffers = 0x0029, "free run needs the mode of three buffers";
     BackgroundWatchdog = 0x002a, "watchdog of the application";
     NoValidInputsAndOutputs = 0x002b, "there are no valid inputs and outputs";
-    FatalSynchronisationError = 0x002c, "SYNC0 stays away";
-    NoSynchronisation = 0x002d, "SYNC0 has never come";
+    FatalSynchronisationError = 0x002c, "SYNC0 is no longer received";
+    NoSynchronisation = 0x002d, "no SYNC0 was received";
     CycleTooShort = 0x002e, "the cycle is too short";
     InvalidSyncConfiguration = 0x0030, "configuration of SYNC is invalid";
     InvalidLatchConfiguration = 0x0031, "configuration of the latch is invalid";
-    PllError = 0x0032, "the control loop of the clock has lost the reference";
+    PllError = 0x0032, "PLL error: the frames are not synchronised to the SYNC events";
     SyncInputOutputError = 0x0033, "several synchronisation errors at once";
-    SyncTimeout = 0x0034, "too many SYNC0 were missed";
+    SyncTimeout = 0x0034, "too many output frames (SM events) were missed";
     InvalidSyncCycle = 0x0035, "the cycle of the synchronisation is invalid";
     InvalidSync0Cycle = 0x0036, "the cycle of SYNC0 is invalid";
     InvalidSync1Cycle = 0x0037, "the cycle of SYNC1 is invalid";

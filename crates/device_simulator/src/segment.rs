@@ -6,7 +6,7 @@ use crate::frame::for_each_datagram;
 /// EtherCAT segment: devices in a line, the first next to the main device.
 #[derive(Debug, Default)]
 pub struct Segment {
-    /// Devices in the order of the line.
+    /// Devices in the order of their positions.
     devices: Vec<Device>,
     /// Propagation delay to each device from the one before \[ns\].
     delays: Vec<u64>,

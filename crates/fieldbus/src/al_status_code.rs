@@ -14,8 +14,12 @@ pub(crate) struct Explanation {
     pub(crate) advice: &'static str,
 }
 
-/// Explanation of an AL status code; codes that are not listed share one that points to the manual.
+/// Explanation of an AL status code; codes that are not listed share one that points to the manual, and 0 has one of
+/// its own.
 pub(crate) fn explanation(code: u16) -> &'static Explanation {
+    if code == 0 {
+        return &NO_CODE;
+    }
     EXPLANATIONS.iter().find(|listed| listed.code == code).unwrap_or(&NOT_LISTED)
 }
 
@@ -24,10 +28,18 @@ const fn explain(code: u16, cause: &'static str, advice: &'static str) -> Explan
     Explanation { code, cause, advice }
 }
 
-/// Of every code that is not listed, as those from 0x8000 on, which are the maker's.
+/// Of code 0: no error, or a code that could not be read.
+static NO_CODE: Explanation = explain(
+    0,
+    "it reports no error, or its AL status code could not be read",
+    "check whether it was switched off, and its cable",
+);
+
+/// Of every code that is not listed, as those of mailbox protocols (0x0041 to 0x004F), and those from 0x8000 on, which
+/// are the manufacturer's.
 static NOT_LISTED: Explanation = explain(
     0,
-    "its reason is not one that ETG.1000.6 lists",
+    "this program has no explanation of this code",
     "read the code in the manual of the device, and its own error display",
 );
 
@@ -46,7 +58,7 @@ static EXPLANATIONS: &[Explanation] = &[
     explain(
         0x0003,
         "its modules or parameters do not fit its set-up",
-        "compare its modules and parameters with those that were set up with its maker's tool",
+        "compare its modules and parameters with those that were set up with its manufacturer's configuration tool",
     ),
     explain(
         0x0011,
@@ -67,7 +79,8 @@ static EXPLANATIONS: &[Explanation] = &[
     explain(
         0x0015,
         "the sync managers of its mailbox are not those that it expects in bootstrap",
-        "correct the bootstrap mailbox in its EEPROM (words 0x14 to 0x17), or load firmware with its maker's tool",
+        "correct the bootstrap mailbox in its EEPROM (words 0x14 to 0x17), or load firmware with its manufacturer's \
+        configuration tool",
     ),
     explain(
         0x0016,
@@ -91,7 +104,7 @@ static EXPLANATIONS: &[Explanation] = &[
     ),
     explain(
         0x001a,
-        "outputs and SYNC0 are no longer in step",
+        "the synchronisation of its outputs and SYNC0 was lost",
         "check the margins of frames before SYNC0, then what delays this computer (hydroboom doctor)",
     ),
     explain(
@@ -150,7 +163,7 @@ static EXPLANATIONS: &[Explanation] = &[
         "its settings contradict each other",
         "compare its start-up SDOs in the table with its manual: mode, mapping and synchronisation together",
     ),
-    explain(0x0027, "it does not run free", "set sync = \"sync0\" in the table"),
+    explain(0x0027, "free run is not supported", "set sync = \"sync0\" in the table"),
     explain(
         0x0028,
         "it does not support the synchronisation that is set up",
@@ -158,7 +171,7 @@ static EXPLANATIONS: &[Explanation] = &[
     ),
     explain(
         0x0029,
-        "it runs free only with three buffers for its process data, and a sync manager has one",
+        "it supports free run only with three buffers for its process data, and a sync manager has one",
         "set the sync manager to buffered mode in its EEPROM, or use sync = \"sync0\"",
     ),
     explain(
@@ -173,12 +186,12 @@ static EXPLANATIONS: &[Explanation] = &[
     ),
     explain(
         0x002c,
-        "SYNC0 or SYNC1 came and then stayed away",
+        "SYNC0 or SYNC1 is no longer received",
         "start the bus again; if it occurs again, check its supply, as a restart of its controller ends SYNC0",
     ),
     explain(
         0x002d,
-        "it received no SYNC0",
+        "no SYNC0 was received",
         "check that sync in the table is the mode that it is set up for (0x1C32:01)",
     ),
     explain(
@@ -188,8 +201,8 @@ static EXPLANATIONS: &[Explanation] = &[
     ),
     explain(
         0x002f,
-        "ETG.1000.6 reserves this code, and its maker has given it a meaning",
-        "ask its maker about the code, with the version of its software (0x100A)",
+        "ETG.1000.6 reserves this code, and its manufacturer has given it a meaning",
+        "ask its manufacturer about the code, with the version of its software (0x100A)",
     ),
     explain(
         0x0030,
@@ -203,18 +216,18 @@ static EXPLANATIONS: &[Explanation] = &[
     ),
     explain(
         0x0032,
-        "the phase-locked loop of its application has lost SYNC0",
-        "check its clock difference (0x092C), then the jitter of the first exchange",
+        "PLL error: SYNC events come, but the frames are not synchronised to them",
+        "check the phase and the jitter of the exchanges, then its clock difference (0x092C)",
     ),
     explain(
         0x0033,
-        "its inputs or outputs are not transferred in step with SYNC0",
-        "send outputs earlier than its calc and copy time (0x1C32:06) before SYNC0: lower bus.send_us",
+        "its inputs or outputs are not transferred in synchronism with SYNC0",
+        "send outputs earlier before SYNC0 (lower bus.send_us), and read the meaning of 0x1C32:06 in its manual",
     ),
     explain(
         0x0034,
-        "it missed more SYNC0 events than its limit allows",
-        "compare lost and late frames with its limit (0x10F1:02), and lower bus.period_us only if it can follow",
+        "too many output frames (SM events) were missed",
+        "reduce lost and late frames, raise its limit (0x10F1:02), or raise bus.period_us",
     ),
     explain(
         0x0035,
@@ -266,11 +279,16 @@ mod tests {
         assert!(EXPLANATIONS.is_sorted_by_key(|listed| listed.code));
         // vendor-specific codes
         assert!(explanation(0x8001).advice.contains("manual"));
+        // listed by ETG.1020, without an explanation here: mailboxes, restart of the controller
+        for code in [0x0041, 0x004f, 0x0061, 0x00f0] {
+            assert!(explanation(code).cause.contains("no explanation"), "{code:#06x}");
+        }
+        assert!(explanation(0).cause.contains("no error") && explanation(0).code == 0);
     }
 
     #[test]
     fn causes_and_advice_are_single_sentences_of_less_than_thirty_words() {
-        for listed in EXPLANATIONS.iter().chain([&NOT_LISTED]) {
+        for listed in EXPLANATIONS.iter().chain([&NO_CODE, &NOT_LISTED]) {
             for text in [listed.cause, listed.advice] {
                 assert!(text.split_whitespace().count() < 30, "{text}");
                 assert!(!text.ends_with('.') && text.lines().count() == 1, "{text}");

@@ -1,7 +1,7 @@
 //! Bus: the cycle in SAFEOP and OP, which a bus task calls in real time, and a loop in simulated time.
 //!
 //! ```text
-//! SYNC0          SYNC0          inputs are latched and outputs taken over at SYNC0
+//! SYNC0          SYNC0          inputs are latched and outputs applied at SYNC0
 //!   | A      B     |            A: inputs are read; B: outputs are sent
 //!   two exchanges: outputs act one period after the inputs that they answer
 //!   one exchange:  A alone, with the outputs computed in the cycle before: two periods after
@@ -94,7 +94,7 @@ pub struct Bus<L> {
     /// The first fault, and when it came \[ns\].
     fault: Option<(Fault, u64)>,
     lost: LossWindow,
-    low: LossWindow,
+    wrong_working_counters: LossWindow,
     /// Losses and SYNC0 of this cycle.
     cycle: CycleStatus,
     counters: Counters,
@@ -113,7 +113,7 @@ pub struct Bus<L> {
 #[derive(Clone, Copy, Debug, Default)]
 struct CycleStatus {
     is_lost: bool,
-    is_low: bool,
+    has_wrong_working_counter: bool,
     /// SYNC0 before the first exchange that came back, by the devices' clock \[ns\].
     sync0: Option<u64>,
 }
@@ -151,9 +151,13 @@ impl<L: Link> Bus<L> {
                 .iter()
                 .map(crate::table::DeviceRow::working_counter)
                 .sum(),
-            drives: table.drives.iter().cloned().map(Drive::new).collect(),
+            drives: table
+                .drives
+                .iter()
+                .map(|row| Drive::new(row.clone(), table.bus.period))
+                .collect(),
             lost: window(),
-            low: window(),
+            wrong_working_counters: window(),
             table,
             facts,
             wire,
@@ -280,11 +284,11 @@ impl<L: Link> Bus<L> {
             self.decide();
             self.exchange(due, true);
         }
-        let CycleStatus { is_lost, is_low, .. } = self.cycle;
+        let CycleStatus { is_lost, has_wrong_working_counter, .. } = self.cycle;
         if self.lost.record(is_lost) {
             self.stop(Fault::FramesLost);
         }
-        if self.low.record(is_low) {
+        if self.wrong_working_counters.record(has_wrong_working_counter) {
             self.stop(Fault::WorkingCounter);
         }
         self.side.show(self.drives.iter().all(Drive::is_enabled), self.fault());
@@ -377,14 +381,14 @@ impl<L: Link> Bus<L> {
         }
         if answer.working_counter != self.working_counter {
             self.counters.low += 1;
-            self.cycle.is_low = true;
+            self.cycle.has_wrong_working_counter = true;
         }
         let is_late =
             matches!(self.transition, Transition::Requested(since) if now() - since > UNTIL_OP);
         for (device, state) in (0..).zip(&answer.subdevice_states) {
             let state = number(*state);
             if state == NO_STATE {
-                // no device filled in the datagram; one frame alone is no fault, and its working counter is low, too
+                // no device filled in the datagram; one frame alone is no fault, and its working counter is wrong, too
                 self.device_silent(device);
             } else if !self.transition.allows(state) || is_late && state != OP {
                 self.dropped = self.dropped.or(Some(device));
@@ -395,7 +399,7 @@ impl<L: Link> Bus<L> {
         {
             self.transition = Transition::Op;
         }
-        if self.cycle.is_low {
+        if self.cycle.has_wrong_working_counter {
             return false;
         }
         for (position, bytes) in self.inputs.iter_mut().enumerate() {
@@ -414,8 +418,8 @@ impl<L: Link> Bus<L> {
         if !has_outputs {
             return;
         }
-        let taken_over = begin + period;
-        match taken_over.checked_sub(passed) {
+        let applied = begin + period;
+        match applied.checked_sub(passed) {
             Some(margin) => self.times.margin.saturating_record(margin.max(1)),
             None => self.counters.late_outputs += 1,
         }
@@ -424,7 +428,7 @@ impl<L: Link> Bus<L> {
             // inputs are read `exchange` after the SYNC0 at which they were latched
             let now = Delay {
                 measurement: self.table.bus.exchange as f64 / period as f64,
-                total: cycles(sampled, taken_over.max(passed)),
+                total: cycles(sampled, applied.max(passed)),
             };
             self.delay = Some(self.delay.map_or(now, |mean| Delay {
                 total: mean.total + (now.total - mean.total) / AVERAGED,
@@ -435,7 +439,7 @@ impl<L: Link> Bus<L> {
 
     /// A device did not answer: a fault where this loss exceeds the limit of the window.
     fn device_silent(&mut self, device: u16) {
-        if self.low.is_at_limit() {
+        if self.wrong_working_counters.is_at_limit() {
             self.stop(Fault::DeviceSilent { device });
         }
     }
@@ -561,7 +565,7 @@ impl<L: Link> Bus<L> {
         // commands are ignored until the next one at rest
         self.command = None;
         self.lost.clear();
-        self.low.clear();
+        self.wrong_working_counters.clear();
         self.drives.iter_mut().for_each(Drive::reset);
     }
 

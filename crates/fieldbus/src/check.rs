@@ -29,7 +29,7 @@ pub struct DeviceFacts {
     /// Drives: reactions to a quick stop (0x605A), to a fault (0x605E) and to a lost connection (0x6007), for reports.
     pub reactions: [Option<i16>; 3],
     /// One unit of 0x60FF and 0x606C \[rev/s\], from 0x60A9, or from 0x608F, 0x6091 and 0x6096; none where the drive
-    /// states no unit of velocity.
+    /// states no unit of velocity, or a feed constant (0x6092) in other units than encoder increments.
     pub velocity_unit: Option<f64>,
 }
 
@@ -78,7 +78,7 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 /// Target velocity and velocity actual value.
 const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
 
-/// All mismatches between the table and the devices in the order of the line; empty where they fit.
+/// All mismatches between the table and the devices in the order of their positions; empty where they fit.
 ///
 /// Later checks need the earlier ones: after a wrong number or identity nothing else is compared, and drives are
 /// compared only where process data and clocks fit.
@@ -220,12 +220,12 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
     (!is_supported && !device.activations.is_empty()).then(|| Mismatch {
         subject,
         cause: format!(
-            "{} (position {position}) has the activations {} in its EEPROM, the table asks for \
+            "the EEPROM of {} (position {position}) lists AssignActivate {}, the table requires \
             0x{expected:04X} ({name})",
             row.name,
             modes.join(", ")
         ),
-        advice: "set sync to a mode that it has".into(),
+        advice: "set sync to one of its DC modes".into(),
     })
 }
 

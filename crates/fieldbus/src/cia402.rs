@@ -44,13 +44,13 @@ impl DriveState {
     }
 
     /// Controlword 0x6040 of the next transition towards operation enabled, or away from it: shutdown 0x0006, switch
-    /// on 0x0007, enable operation 0x000F, disable voltage 0x0000. It never resets a fault: [`FAULT_RESET`] is sent on
-    /// a person's request only.
+    /// on 0x0007, enable operation 0x000F, quick stop 0x0002, disable voltage 0x0000. It never resets a fault:
+    /// [`FAULT_RESET`] is sent on an operator's request only.
     pub fn controlword(self, is_operation_requested: bool) -> u16 {
         match self {
             Self::NotReady | Self::Fault | Self::FaultReactionActive => 0x0000,
-            // disable voltage: a quick stop is not cancelled
-            Self::QuickStopActive => 0x0000,
+            // quick stop: keeps the deceleration; 0x0000 would be transition 12, and the motor would coast
+            Self::QuickStopActive => 0x0002,
             Self::SwitchOnDisabled => 0x0006,
             Self::ReadyToSwitchOn if is_operation_requested => 0x0007,
             Self::SwitchedOn | Self::OperationEnabled if is_operation_requested => 0x000f,
@@ -85,11 +85,12 @@ pub fn error_text(code: u16) -> Option<&'static str> {
         0x3220 => "under-voltage of the DC link: is the power supply on?",
         0x4210 | 0x4310 => "the drive or the motor is too hot",
         0x5112 => "the supply of 24 V is missing",
-        0x5441 => "a contactor has opened, or safe torque off is active",
+        0x5440 => "contactor fault",
         0x6320 => "a parameter is wrong",
         0x7121 => "the motor is blocked",
         0x7300 | 0x7305 | 0x7306 | 0x7320 => "encoder fault: check its cable",
-        0x7500 | 0x7510 | 0x8100 | 0x8180 => "communication was lost: no process data arrived",
+        0x7500 | 0x8100 => "communication was lost: no process data arrived",
+        0x7510 => "fault of serial interface 1",
         0x8311 => "torque beyond its limit",
         0x8400 | 0x8480 => "the speed deviates from its target by too much",
         0x8500 | 0x8611 => "the position deviates from its target by too much",
@@ -123,6 +124,14 @@ mod tests {
                 let word = u16::from_str_radix(&word, 2).unwrap();
                 assert_eq!(DriveState::of(word), state, "{pattern} with {any}");
             }
+        }
+    }
+
+    #[test]
+    fn a_quick_stop_keeps_its_deceleration() {
+        // CiA 402-2: bit 1 (enable voltage) is 1, or transition 12 ends it; bit 2 (quick stop) is 0 while it lasts
+        for is_operation_requested in [false, true] {
+            assert_eq!(DriveState::QuickStopActive.controlword(is_operation_requested), 0x0002);
         }
     }
 

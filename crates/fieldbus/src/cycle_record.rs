@@ -29,7 +29,7 @@ pub struct CycleRecord {
     pub fault: Option<Fault>,
 }
 
-/// Process data of all devices in the order of the line, each with its outputs before its inputs \[byte\]; those
+/// Process data of all devices in the order of their positions, each with its outputs before its inputs \[byte\]; those
 /// beyond [`LARGEST_IMAGE`] are left out.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct ProcessImage([u8; LARGEST_IMAGE]);

@@ -77,7 +77,7 @@ pub(crate) enum AccessError {
     /// ethercrab panicked: an emergency came in place of an answer.
     Panic,
     /// A register does not read back the value that was written.
-    NotKept(&'static str),
+    ReadbackMismatch(&'static str),
 }
 
 impl Display for AccessError {
@@ -88,8 +88,9 @@ impl Display for AccessError {
                 "the device sent an emergency in place of an answer: it has a fault; remove its cause (see \
                 its display or manual), then start again",
             ),
-            Self::NotKept(what) => write!(f, "{what} does not read back the value that was written: \
-            the device does not have this watchdog; leave watchdog_ms out"),
+            Self::ReadbackMismatch(what) => write!(f, "{what} does not read back the value that was written: \
+            the device has no process-data watchdog; command no actuator through it unless its manual states another \
+            reaction to missing frames; then leave watchdog_ms out"),
         }
     }
 }
@@ -249,7 +250,11 @@ const REVOLUTION: u8 = 0xb4;
 const SECOND: u8 = 0x03;
 const MINUTE: u8 = 0x47;
 
-/// Unit of velocity \[rev/s\]; none where the device does not have the objects that state it (CiA 402-2).
+/// Relative tolerance between feed constant and encoder resolution, for rounding.
+const RATIO_TOLERANCE: f64 = 1e-9;
+
+/// Unit of velocity \[rev/s\]; none where the device does not have the objects that state it (CiA 402-2), or where its
+/// feed constant (0x6092) states other units of position than encoder increments.
 fn velocity_unit<L: Link, S: Deref<Target = SubDevice>>(
     wire: &mut Wire<L>,
     device: &SubDeviceRef<'_, S>,
@@ -274,6 +279,10 @@ fn velocity_unit<L: Link, S: Deref<Target = SubDevice>>(
         Ok((over != 0 && under != 0).then(|| f64::from(over) / f64::from(under)))
     };
     let Some(resolution) = ratio(0x608f)? else { return Ok(None) };
+    let is_other = |feed: f64| (feed / resolution - 1.0).abs() > RATIO_TOLERANCE;
+    if ratio(0x6092)?.is_some_and(is_other) {
+        return Ok(None);
+    }
     let (gear, factor) = (ratio(0x6091)?.unwrap_or(1.0), ratio(0x6096)?.unwrap_or(1.0));
     Ok(Some(gear / factor / resolution))
 }
@@ -294,7 +303,7 @@ fn watchdog<L: Link, S>(
         wire.run(device.register_write(address, value)).map_err(AccessError::Bus)?;
         let kept: u16 = wire.run(device.register_read(address)).map_err(AccessError::Bus)?;
         if kept != value {
-            return Err(AccessError::NotKept(name));
+            return Err(AccessError::ReadbackMismatch(name));
         }
     }
     Ok(())

@@ -16,7 +16,7 @@ pub enum Fault {
         /// Its number.
         device: u16,
     },
-    /// A device left OP, or SAFEOP before OP was requested, or did not reach OP.
+    /// A device left OP (or SAFEOP) without a request, or did not reach OP.
     StateDropped {
         /// Its number.
         device: u16,
@@ -30,7 +30,8 @@ pub enum Fault {
         /// Error code (0x603F), 0 where the drive does not show it.
         code: u16,
     },
-    /// The stop circuit was opened: safe torque off. It is no fault of the drive.
+    /// The stop circuit of an enabled drive was opened: safe torque off, at once or after safe stop 1. It is no fault
+    /// of the drive.
     SafeTorqueOff {
         /// Number of the device.
         device: u16,
@@ -89,8 +90,8 @@ impl Fault {
             }
             Self::StateDropped { device, code } => {
                 let Explanation { cause, advice, .. } = explanation(code);
-                format!("{} left its state, or did not reach OP: {cause} (AL status code 0x{code:04X}); {advice}, then \
-                start the bus again", name(device))
+                format!("{} left OP (or SAFEOP) without a request, or did not reach OP: {cause} (AL status code \
+                0x{code:04X}); {advice}, then start the bus again", name(device))
             }
             Self::Drive { device, code } => {
                 let why = match (code, error_text(code)) {
@@ -101,8 +102,8 @@ impl Fault {
                 format!("{} has a fault: {why}; remove the cause, then start the bus again", name(device))
             }
             Self::SafeTorqueOff { device } => {
-                format!("the stop circuit of {} was opened: safe torque off, no fault of the drive; \
-                close it, then start the bus again", name(device))
+                format!("safe torque off (STO) of {} is active: close the emergency-stop circuit, reset, then \
+                start the bus again", name(device))
             }
             Self::DriveDisabled { device } => {
                 format!("{} switched itself off without a fault: check its enable inputs and power \
@@ -112,8 +113,8 @@ impl Fault {
                 format!("{} is enabled and does not follow its target: check local control \
                 (statusword bit 9) and mode (0x6061)", name(device))
             }
-            Self::CommandsStopped => "no new command came for two periods: the control task stopped or \
-            was delayed".into(),
+            Self::CommandsStopped => "no valid command came for two periods, or a command was not a finite \
+            number: the control task stopped or was delayed, or it computed no number".into(),
         }
     }
 

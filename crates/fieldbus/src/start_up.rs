@@ -45,7 +45,7 @@ const INIT: u8 = 1;
 pub(crate) const SAFE_OP: u8 = 4;
 pub(crate) const OP: u8 = 8;
 /// Attempts to request INIT, as frames may be lost.
-const TRIES: u32 = 3;
+const ATTEMPTS: u32 = 3;
 /// State of the devices once their bus has started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InitialState {
@@ -98,7 +98,7 @@ impl<L: Link> Bus<L> {
     pub fn start_in(state: InitialState, table: Table, link: L) -> Result<Self, StartError> {
         let frames = FrameRing::of(&table);
         let wire = Wire::new(link, MainDeviceConfig::default(), frames)
-            .map_err(|error| failed("the main device could not be made", error))?;
+            .map_err(|error| failed("the main device could not be created", error))?;
         Self::start_on(state, table, wire)
     }
 
@@ -210,12 +210,17 @@ pub(crate) fn with_clocks<L: Link>(
         .run(group.into_pre_op_pdi(main))
         .map_err(|e| failed("process data could not be mapped", e))?;
     wire.run(group.configure_dc_sync(main, clocks)).map_err(|e| {
-        failed("the distributed clocks could not be set up; does a device have one?", e)
+        let what = "the distributed clocks could not be set up; does at least one device support distributed clocks?";
+        failed(what, e)
     })
 }
 
 /// Exchanges process data in SAFEOP, as drives refuse OP without them; returns the phase of SYNC0 once it runs.
-pub(crate) fn settle<L: Link>(wire: &mut Wire<L>, group: &Devices<SafeOp>, table: &Table) -> Pace {
+pub(crate) fn exchange_until_sync0<L: Link>(
+    wire: &mut Wire<L>,
+    group: &Devices<SafeOp>,
+    table: &Table,
+) -> Pace {
     let main = wire.main;
     let mut pace = Pace::new(&table.bus);
     let first = now() + 2 * FIRST_PULSE;
@@ -238,7 +243,7 @@ fn into_safe_op<L: Link>(
     let group = with_clocks(wire, group, table)?;
     match wire.run(group.into_safe_op(main)) {
         Ok(group) => {
-            let pace = settle(wire, &group, table);
+            let pace = exchange_until_sync0(wire, &group, table);
             Ok((group, pace))
         }
         Err(error) => Err(failed("the devices did not go to SAFEOP", refusals(wire, table, error))),
@@ -301,7 +306,7 @@ fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String 
 /// Requests INIT of all devices, so that their watchdogs do not expire. A device that misses the request is stopped by
 /// its watchdog.
 pub(crate) fn to_init<L: Link>(wire: &mut Wire<L>, period: u64) {
-    for _ in 0..TRIES {
+    for _ in 0..ATTEMPTS {
         if request(wire, INIT, now() + period) {
             return;
         }

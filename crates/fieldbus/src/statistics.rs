@@ -18,7 +18,7 @@ pub struct Counters {
     pub unexpected: u64,
     /// Cycles in which no new command had come.
     pub without_command: u64,
-    /// Exchanges with outputs that passed the reference clock after the SYNC0 that was to take them over.
+    /// Exchanges with outputs that passed the reference clock after the SYNC0 at which they were to be applied.
     pub late_outputs: u64,
     /// Exchanges that this computer began more than half a period late.
     pub late_begins: u64,
@@ -36,7 +36,7 @@ pub type Histogram = hdrhistogram::Histogram<u64>;
 /// Distributions of times since the start.
 #[derive(Clone, Debug)]
 pub struct Times {
-    /// Time by which outputs pass the reference clock before the SYNC0 that takes them over, by that clock \[ns\].
+    /// Margin of the outputs to SYNC0, at the reference clock \[ns\].
     pub margin: Histogram,
     /// From the sending of a frame to its return, by this computer's clock \[ns\].
     pub round_trip: Histogram,

@@ -12,7 +12,7 @@ pub use coupler::coupler;
 pub use digital_output::DigitalOutput;
 pub use drive_state::DriveState;
 pub use servo_drive::{
-    DriveSettings, INJECTED_FAULT, IdealMotor, Motor, SAFE_TORQUE_OFF, ServoDrive,
+    DriveSettings, INJECTED_FAULT, IdealMotor, Motor, SAFE_STOP_TIME, SAFE_TORQUE_OFF, ServoDrive,
 };
 pub use velocity_unit::VelocityUnit;
 

@@ -103,6 +103,8 @@ pub struct ServoDrive {
     error: u16,
     /// Whether safe torque off is requested.
     has_safe_torque_off: bool,
+    /// When the torque is removed after that request \[ns\]; none without one.
+    torque_off_at: Option<u64>,
     /// Set point while the drive stops by itself \[rev/s\].
     ramp_speed: f64,
     /// Time to which it was advanced \[ns\].
@@ -147,6 +149,7 @@ impl ServoDrive {
             controlword: 0,
             error: 0,
             has_safe_torque_off: false,
+            torque_off_at: None,
             ramp_speed: 0.0,
             now: 0,
             pending_emergency: None,
@@ -202,6 +205,7 @@ impl ServoDrive {
         }
         add(INJECTED_FAULT, &[0; 2], ReadOnly, Unmapped);
         add(SAFE_TORQUE_OFF, &[0], ReadOnly, Unmapped);
+        add(SAFE_STOP_TIME, &[0; 2], ReadOnly, Unmapped);
         drive.unit.describe(dictionary);
     }
 
@@ -217,6 +221,11 @@ impl ServoDrive {
             true => DriveState::FaultReactionActive,
             false => DriveState::Fault,
         };
+    }
+
+    /// Whether the torque is removed by safe torque off.
+    fn is_torque_off(&self) -> bool {
+        self.torque_off_at.is_some_and(|at| at <= self.now)
     }
 
     /// Commanded motor speed \[rev/s\]: the target velocity in mode 9, else 0, or the ramp of a stop. `None` without
@@ -244,6 +253,9 @@ impl ServoDrive {
 pub const INJECTED_FAULT: Key = (0x2f00, 1);
 /// Object by which a test requests safe torque off: 1 while it is requested; not for use on the bus.
 pub const SAFE_TORQUE_OFF: Key = (0x2f00, 2);
+/// Object by which a test sets safe stop 1 (SS1-t, IEC 61800-5-2): time from the request of safe torque off, which the
+/// digital inputs show, until the torque is removed \[ms\]; 0 for safe torque off at once. Not for use on the bus.
+pub const SAFE_STOP_TIME: Key = (0x2f00, 3);
 
 impl Application for ServoDrive {
     fn advance(&mut self, dictionary: &mut ObjectDictionary, now: u64) {
@@ -255,7 +267,10 @@ impl Application for ServoDrive {
             self.fault(injected);
         }
         self.has_safe_torque_off = dictionary.unsigned(SAFE_TORQUE_OFF) != 0;
-        if self.has_safe_torque_off && self.state != DriveState::Fault {
+        let delay = 1_000_000 * dictionary.unsigned(SAFE_STOP_TIME);
+        self.torque_off_at =
+            self.has_safe_torque_off.then(|| self.torque_off_at.unwrap_or(now + delay));
+        if self.is_torque_off() && self.state != DriveState::Fault {
             self.state = DriveState::SwitchOnDisabled;
         }
         if matches!(self.state, DriveState::QuickStopActive | DriveState::FaultReactionActive) {
@@ -281,7 +296,7 @@ impl Application for ServoDrive {
         if next == DriveState::QuickStopActive && self.state != next {
             self.ramp_speed = self.motor.speed();
         }
-        self.state = if self.has_safe_torque_off { DriveState::SwitchOnDisabled } else { next };
+        self.state = if self.is_torque_off() { DriveState::SwitchOnDisabled } else { next };
         self.controlword = word;
         if dictionary.signed(MODE) == CYCLIC_VELOCITY {
             dictionary.set_number(MODE_DISPLAY, CYCLIC_VELOCITY);

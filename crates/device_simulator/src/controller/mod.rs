@@ -102,13 +102,11 @@ impl Controller {
         }
     }
 
-    /// Counts a damaged frame that another device counted before and passed on, at a port.
+    /// Counts a damaged frame that another device has counted, marked and passed on, at a port: as forwarded only.
     pub(crate) fn count_forwarded_frame(&mut self, port: u8) {
-        for register in [2 * u16::from(port.min(3)), 8 + u16::from(port.min(3))] {
-            let register = ERROR_COUNTERS + register;
-            let count = self.memory.u8(register).saturating_add(1);
-            self.memory.set(register, &[count]);
-        }
+        let register = ERROR_COUNTERS + 8 + u16::from(port.min(3));
+        let count = self.memory.u8(register).saturating_add(1);
+        self.memory.set(register, &[count]);
     }
 
     /// Takes out the events for the application.

@@ -22,7 +22,7 @@ pub(super) struct SyncCounters {
 const MISSED_CYCLE_WEIGHT: u32 = 3;
 
 impl Device {
-    /// Whether outputs and inputs are taken over at SYNC0 (0x0981); else with the frame.
+    /// Whether outputs are applied and inputs latched at SYNC0 (0x0981); else with the frame.
     pub(super) fn uses_sync0(&self) -> bool {
         DistributedClock::settings(&self.controller.memory).0[0]
     }
@@ -53,7 +53,7 @@ impl Device {
         }
     }
 
-    /// SYNC0 at the time `now` \[ns\]: outputs are taken over, inputs latched, and late or missing outputs counted.
+    /// SYNC0 at the time `now` \[ns\]: outputs are applied, inputs latched, and late or missing outputs counted.
     pub(super) fn sync0(&mut self, now: u64) {
         if self.state < State::SafeOp {
             return;

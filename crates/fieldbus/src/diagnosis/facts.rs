@@ -6,19 +6,20 @@ use crate::statistics::Histogram;
 /// Ports of a device controller (ETG.1000.4).
 pub const PORTS: usize = 4;
 
-/// Error counters of a device (ETG.1000.4, registers 0x0300 to 0x0313). They begin at power-on and stop at 255.
+/// Error counters of a device (ETG.1000.4, registers 0x0300 to 0x0313). They count from power-on, or since a
+/// main device cleared them, and stop at 255.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ErrorCounters {
-    /// Invalid frames (wrong check sequence), at each port: 0x0300 + 2 n.
+    /// Invalid frames (wrong check sequence) that no device before has marked, at each port: 0x0300 + 2 n.
     pub invalid_frames: [u8; PORTS],
-    /// Receive errors of the physical layer, at each port: 0x0301 + 2 n.
+    /// Errors of the physical layer, in frames and between them, at each port: 0x0301 + 2 n.
     pub receive_errors: [u8; PORTS],
-    /// Forwarded errors: damaged frames that a device before has counted already, at each port: 0x0308 + n.
+    /// Forwarded errors: damaged frames that a device before has counted and marked, at each port: 0x0308 + n.
     pub forwarded: [u8; PORTS],
     /// Errors of the EtherCAT processing unit, 0x030C.
     pub processing_unit: u8,
     /// Errors of the process data interface (PDI) to the application, 0x030D.
-    pub application: u8,
+    pub pdi: u8,
     /// Lost links, at each port: 0x0310 + n.
     pub lost_links: [u8; PORTS],
 }
@@ -32,16 +33,15 @@ impl ErrorCounters {
             receive_errors: port(1, 2),
             forwarded: port(8, 1),
             processing_unit: registers[12],
-            application: registers[13],
+            pdi: registers[13],
             lost_links: port(16, 1),
         }
     }
 
-    /// Frames that were damaged on the cable at a port: those of another cable are counted as forwarded.
+    /// Frames that were damaged on the cable at a port: those of another cable count as forwarded only (ET1100 data
+    /// sheet, section I, error counters).
     pub fn damaged(&self, port: usize) -> u8 {
         self.invalid_frames[port]
-            .max(self.receive_errors[port])
-            .saturating_sub(self.forwarded[port])
     }
 }
 
@@ -88,16 +88,16 @@ pub struct SetUp {
     /// Process-data watchdog by registers 0x0400 and 0x0420 \[ns\]; 0 is switched off.
     pub watchdog: Option<u64>,
     /// PDI watchdog by registers 0x0400 and 0x0410 \[ns\]; 0 is switched off.
-    pub application_watchdog: Option<u64>,
+    pub pdi_watchdog: Option<u64>,
     /// Registers 0x0980 (owner of the SYNC unit) and 0x0981 (activation); none before clocks are set up.
-    pub activation: Option<[u8; 2]>,
+    pub dc_activation: Option<[u8; 2]>,
     /// Synchronisation types of outputs (0x1C32:01) and inputs (0x1C33:01), by ETG.1020; none without the object.
     pub sync_types: [Option<u16>; 2],
     /// Cycle time, 0x1C32:02 \[ns\].
     pub cycle: Option<u32>,
     /// Shortest cycle time, 0x1C32:05 \[ns\].
     pub shortest_cycle: Option<u32>,
-    /// Calc and copy time, 0x1C32:06: time by which outputs have to arrive before SYNC0 \[ns\].
+    /// Calc and copy time, 0x1C32:06 \[ns\]; its meaning differs between manufacturers.
     pub calc_and_copy: Option<u32>,
     /// Outputs and inputs by its sync managers \[byte\].
     pub sizes: Option<[usize; 2]>,
@@ -143,16 +143,16 @@ pub struct Listening {
     /// Whether more were lost in a window than the table allows.
     pub has_too_many_lost: bool,
     /// Exchanges with another working counter than the table's.
-    pub low: u64,
+    pub wrong_working_counter: u64,
     /// Working counter of the last of these.
-    pub low_counter: u16,
+    pub last_wrong_working_counter: u16,
     /// Working counter by the table.
     pub working_counter: u16,
-    /// Outputs that passed the reference clock after the SYNC0 that was to take them over.
+    /// Outputs that passed the reference clock after the SYNC0 at which they were to be applied.
     pub late_outputs: u64,
     /// Whether more were late in a window than the table allows lost frames.
     pub has_too_many_late: bool,
-    /// Time by which outputs pass the reference clock before their SYNC0.
+    /// Margin of the outputs to SYNC0, at the reference clock.
     pub margin: Percentiles,
     /// When the first exchange of a cycle passes the reference clock, after SYNC0.
     pub phase: Percentiles,
@@ -167,7 +167,7 @@ pub struct Listening {
 /// Facts of a bus, as far as the diagnosis came; fields of later stages are empty or none before them.
 #[derive(Clone, Debug, Default)]
 pub struct BusFacts {
-    /// The devices, in their order.
+    /// The devices, in the order of their positions.
     pub line: Vec<LineDevice>,
     /// Data that they report, as far as it was read; named "a device" before that.
     pub devices: Vec<DeviceFacts>,

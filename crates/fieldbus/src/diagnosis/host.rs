@@ -26,11 +26,11 @@ pub struct HostFacts {
     /// The network interface.
     pub interface: String,
     /// Receive coalescing of the card (rx-usecs): time from a frame to the interrupt \[us\].
-    pub gathering_us: Option<u64>,
+    pub rx_coalescing_us: Option<u64>,
     /// Whether the card adapts that time (adaptive-rx).
     pub is_adaptive: Option<bool>,
     /// Time that the kernel waits for frames to merge (gro_flush_timeout) \[ns\].
-    pub flush_after_ns: Option<u64>,
+    pub gro_flush_timeout_ns: Option<u64>,
     /// Threads of its interrupts; none where the kernel handles them without threads.
     pub interrupts: Vec<InterruptThread>,
     /// What could not be read, and privileges that were refused.
@@ -50,7 +50,7 @@ impl HostFacts {
             facts.remarks.push(format!("{interface}: {remark}"));
             return facts;
         };
-        facts.flush_after_ns = fs::read_to_string(folder.join("gro_flush_timeout"))
+        facts.gro_flush_timeout_ns = fs::read_to_string(folder.join("gro_flush_timeout"))
             .ok()
             .and_then(|text| text.trim().parse().ok());
         if !folder.join("device").exists() {
@@ -62,7 +62,7 @@ impl HostFacts {
         match Command::new("ethtool").args(["-c", interface]).output() {
             Ok(output) if output.status.success() => {
                 let output = String::from_utf8_lossy(&output.stdout);
-                (facts.gathering_us, facts.is_adaptive) = coalescing(&output);
+                (facts.rx_coalescing_us, facts.is_adaptive) = coalescing(&output);
             }
             _ => facts.remarks.push(format!(
                 "coalescing of the network card was not read: read it with ethtool -c {interface}"

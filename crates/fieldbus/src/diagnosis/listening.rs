@@ -5,7 +5,7 @@ use crate::bus::MARGIN;
 use crate::fault::LossWindow;
 use crate::link::Link;
 use crate::pace::Pace;
-use crate::start_up::{Devices, settle};
+use crate::start_up::{Devices, exchange_until_sync0};
 use crate::statistics::Times;
 use crate::table::Table;
 use crate::time::now;
@@ -30,7 +30,7 @@ pub(crate) fn listen<L: Link>(
     table: &Table,
 ) -> Option<Listening> {
     let bus = &table.bus;
-    let mut pace = settle(wire, group, table);
+    let mut pace = exchange_until_sync0(wire, group, table);
     let Times { mut margin, mut round_trip } = Times::new()?;
     let Times { margin: mut late_by, round_trip: mut periods } = Times::new()?;
     let mut phases = margin.clone();
@@ -61,7 +61,8 @@ pub(crate) fn listen<L: Link>(
             };
             round_trip.saturating_record(now().saturating_sub(sent).max(1));
             if counter != statistics.working_counter {
-                (statistics.low, statistics.low_counter) = (statistics.low + 1, counter);
+                statistics.wrong_working_counter += 1;
+                statistics.last_wrong_working_counter = counter;
             }
             let begin = *begin.get_or_insert(passed - passed % bus.period);
             if number == 0 {

@@ -1,5 +1,5 @@
-//! Diagnosis of a bus: facts are read from devices, cables and network card; findings follow from them, first cause
-//! first.
+//! Diagnosis of a bus: facts are read from devices, cables and network card; findings follow from them, causes before
+//! their effects.
 //!
 //! ```text
 //! scan        before anything is changed: ports, error counters, states, identities
@@ -8,7 +8,8 @@
 //! rules       facts -> findings, a function without a bus
 //! ```
 //!
-//! Devices go to SAFEOP at most: outputs stay safe, drives without power. They are in INIT afterwards.
+//! Devices go to SAFEOP at most: outputs stay safe, drives without torque; their supply stays live. They are in INIT
+//! afterwards.
 
 mod facts;
 mod finding;
@@ -38,7 +39,7 @@ const RETRIES: usize = 5;
 /// Findings, and the facts that they follow from.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
-    /// Findings, the most probable root cause first; empty where nothing is wrong.
+    /// Findings, errors first, in the order of stages: causes before their effects; empty where nothing is wrong.
     pub findings: Vec<Finding>,
     /// Facts of the bus.
     pub bus: BusFacts,
@@ -57,7 +58,7 @@ pub fn diagnose<L: Link>(table: &Table, link: L, host: HostFacts) -> Result<Diag
         ..MainDeviceConfig::default()
     };
     let mut wire = Wire::new(link, config, FrameRing::of(table))
-        .map_err(|error| format!("the main device could not be made: {error}"))?;
+        .map_err(|error| format!("the main device could not be created: {error}"))?;
     let mut bus = BusFacts { line: scan::read_line(&mut wire), ..BusFacts::default() };
     if !bus.line.is_empty() {
         set_up::examine(&mut wire, table, &mut bus);

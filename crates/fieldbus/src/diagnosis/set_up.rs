@@ -108,7 +108,7 @@ fn into_safe_op<L: Link>(
     };
     for (position, set_up) in bus.set_up.iter_mut().enumerate() {
         let Ok(device) = group.subdevice(main, position) else { continue };
-        set_up.activation = wire.run(device.register_read(SYNC_UNIT)).ok();
+        set_up.dc_activation = wire.run(device.register_read(SYNC_UNIT)).ok();
         // the guard has to end with its statement: taking another one while it is held is a deadlock
         let outputs = device.outputs_raw().len();
         let inputs = device.inputs_raw().len();
@@ -145,15 +145,15 @@ fn read_set_up<L: Link, S: Deref<Target = SubDevice>>(
     let mut register =
         |address: RegisterAddress| wire.run(device.register_read::<u16>(address)).ok();
     let divider = register(RegisterAddress::WatchdogDivider);
-    let [process_data, application] =
-        [RegisterAddress::SyncManagerWatchdog, RegisterAddress::PdiWatchdog].map(|address| {
+    let [process_data, pdi] = [RegisterAddress::SyncManagerWatchdog, RegisterAddress::PdiWatchdog]
+        .map(|address| {
             let units = register(address)?;
             Some(DIVIDER_UNIT * (u64::from(divider?) + DIVIDER_OFFSET) * u64::from(units))
         });
     SetUp {
         delay: device.propagation_delay(),
         watchdog: process_data.filter(|_| has_outputs),
-        application_watchdog: application,
+        pdi_watchdog: pdi,
         sync_types: [
             optional_object(wire, device, 0x1c32, 1),
             optional_object(wire, device, 0x1c33, 1),

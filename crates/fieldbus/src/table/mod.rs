@@ -19,7 +19,7 @@ pub use scale::{NumberType, Scale};
 pub struct Table {
     /// Cycle and limits.
     pub bus: BusSettings,
-    /// Devices in the order of the line.
+    /// Devices in the order of their positions.
     pub devices: Vec<DeviceRow>,
     /// Measured signals.
     pub measured: Vec<MeasuredRow>,
@@ -97,7 +97,7 @@ impl Sync {
     }
 }
 
-/// One entry of a PDO, as a mapping object has it (ETG.1000.6): index, subindex, bits; index 0 is a gap.
+/// One entry of a PDO, as a mapping object has it (ETG.1000.6): index, subindex, bit length; index 0: padding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// Index.
@@ -111,7 +111,7 @@ pub struct Entry {
 impl std::fmt::Display for Entry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.index {
-            0 => write!(f, "gap of {} bit", self.bits),
+            0 => write!(f, "padding of {} bit", self.bits),
             _ => write!(f, "0x{:04X}:{:02X} of {} bit", self.index, self.sub, self.bits),
         }
     }

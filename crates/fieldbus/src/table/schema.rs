@@ -12,7 +12,7 @@ use serde::Deserialize;
 pub(super) struct File {
     /// `[bus]`.
     pub(super) bus: Bus,
-    /// `[[device]]`, in the order of the line.
+    /// `[[device]]`, in the order of their positions.
     pub(super) device: Vec<Device>,
     /// `[[measured]]`.
     pub(super) measured: Vec<Measured>,
@@ -87,7 +87,7 @@ pub(super) enum Profile {
     Cia402,
 }
 
-/// `[[device]]`: a device, in the order of the line.
+/// `[[device]]`: a device, in the order of their positions.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Device {

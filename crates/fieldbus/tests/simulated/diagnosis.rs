@@ -11,7 +11,8 @@ use hydroboom_device_simulator::device::{Fault, Identity, Settings};
 use hydroboom_device_simulator::object_dictionary::Abort;
 use hydroboom_device_simulator::{Device, Segment};
 use hydroboom_fieldbus::diagnosis::{
-    BusFacts, Diagnosis, HostFacts, LineDevice, Listening, Severity, Stage, diagnose, findings,
+    BusFacts, Diagnosis, Finding, HostFacts, LineDevice, Listening, Severity, Stage, diagnose,
+    findings,
 };
 use hydroboom_fieldbus::table::{Sync, Table};
 
@@ -115,7 +116,7 @@ fn devices_that_are_not_the_tables_are_named() {
 
     let mut case = Case::new();
     case.devices.swap(1, 2);
-    case.error(&["another order", "position 1 is inputs, position 2 is drive"]);
+    case.error(&["different order", "position 1 is inputs, position 2 is drive"]);
 
     let case = Case::with_drive(|settings| settings.identity.product = 9);
     case.error(&["position 1 is drive", "product 0x00000009", "the table has drive"]);
@@ -181,7 +182,7 @@ fn synchronisation_that_the_device_does_not_have_or_is_not_set_up_for_is_named()
 
     let mut case = Case::with_drive(|settings| settings.synchronisation.has_sync1 = false);
     case.table.devices[1].sync = Sync::Sync01(1_000_000);
-    case.error(&["drive (position 1)", "activations 0x0300", "0x0700"]);
+    case.error(&["drive (position 1)", "AssignActivate 0x0300", "requires 0x0700"]);
 
     // the device refuses SAFEOP for it, which is the effect
     let mut case = Case::new();
@@ -198,7 +199,16 @@ fn synchronisation_that_the_device_does_not_have_or_is_not_set_up_for_is_named()
 fn a_damaged_cable_is_named_before_what_it_makes_of_the_bus() {
     let mut case = Case::new();
     case.devices[2].inject(Fault::DamagedCable { port: 0, frames_per_error: 50 }, 0);
-    case.error(&["frames are damaged", "between drive (position 1) and inputs (position 2)"]);
+    let diagnosis = case.diagnosis();
+    let sentence = diagnosis.findings[0].to_string();
+    let parts = ["frames are damaged", "between drive (position 1) and inputs (position 2)"];
+    assert!(parts.iter().all(|part| sentence.contains(part)), "{sentence}");
+    // the other devices count them as forwarded only: no other cable is suspected
+    let is_cable = |finding: &&Finding| finding.stage == Stage::Cable;
+    assert_eq!(diagnosis.findings.iter().filter(is_cable).count(), 1, "{diagnosis:#?}");
+    let errors = diagnosis.bus.line[3].errors_after.unwrap();
+    assert_eq!((errors.invalid_frames, errors.receive_errors), ([0; 4], [0; 4]));
+    assert!(errors.forwarded[0] > 0);
 
     let mut case = Case::new();
     case.devices[0].inject(Fault::DamagedCable { port: 1, frames_per_error: 50 }, 0);
@@ -209,8 +219,9 @@ fn a_damaged_cable_is_named_before_what_it_makes_of_the_bus() {
         case.devices[1].controller.memory.set(ERROR_COUNTERS + register, &[count]);
         case
     };
-    counted(0, 9).warning(&["9 were counted at port 0 since power-on", "drive (position 1)"]);
-    counted(0x10, 3).warning(&["lost 3 times since power-on", "drive (position 1)"]);
+    counted(0, 9)
+        .warning(&["9 were counted at port 0 since power-on, or since", "drive (position 1)"]);
+    counted(0x10, 3).warning(&["lost 3 times since power-on, or since", "drive (position 1)"]);
 }
 
 #[test]
@@ -239,10 +250,10 @@ fn late_frames_are_laid_to_the_network_card_where_it_gathers_them() {
         found.iter().map(|finding| (finding.severity, finding.stage)).collect()
     };
     let interface = String::from("eth1");
-    let card = HostFacts { interface, gathering_us: Some(50), ..HostFacts::default() };
+    let card = HostFacts { interface, rx_coalescing_us: Some(50), ..HostFacts::default() };
     let late = (Severity::Error, Stage::Timing);
     assert_eq!(of(&card), [(Severity::Error, Stage::Host), late]);
     assert_eq!(of(&HostFacts::default()), [late]);
-    let quick = HostFacts { gathering_us: Some(0), is_adaptive: Some(false), ..card };
+    let quick = HostFacts { rx_coalescing_us: Some(0), is_adaptive: Some(false), ..card };
     assert_eq!(of(&quick), [late]);
 }

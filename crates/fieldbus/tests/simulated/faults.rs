@@ -5,7 +5,7 @@ use crate::bench::{Shared, SimulatedLink, bus, table};
 use hydroboom_control::command::Command;
 use hydroboom_control::measurement::Validity;
 use hydroboom_device_simulator::al_status_code::AlStatusCode;
-use hydroboom_device_simulator::applications::{INJECTED_FAULT, SAFE_TORQUE_OFF};
+use hydroboom_device_simulator::applications::{INJECTED_FAULT, SAFE_STOP_TIME, SAFE_TORQUE_OFF};
 use hydroboom_device_simulator::device::Fault as DeviceFault;
 use hydroboom_device_simulator::mailbox::Emergency;
 use hydroboom_fieldbus::bus::Bus;
@@ -170,6 +170,36 @@ fn each_fault_is_found_by_its_name_stops_the_machine_and_does_not_reset_itself()
         assert_eq!(running.machine.state(), MachineState::Fault(fault));
         assert!(running.is_safe(), "{number}");
     }
+}
+
+/// Safe stop 1: the drive shows the open stop circuit, and removes its torque only after it has stopped.
+#[test]
+fn safe_stop_1_is_a_fault_at_once_is_not_cut_and_its_drive_is_enabled_by_a_reset_only() {
+    let mut running = Running::new();
+    let state = |running: &Running| running.bus.statuswords().next().unwrap() & 0x6f;
+    // longer than the braking time after other faults
+    running.set(SAFE_STOP_TIME, 800);
+    running.set(SAFE_TORQUE_OFF, 1);
+    let found = running.until_found(20);
+    let fault = Fault::SafeTorqueOff { device: 1 };
+    assert!(found.is_some_and(|(f, after)| f == fault && after <= 2), "{found:?}");
+    running.cycles(2);
+    assert!(running.is_safe());
+    for _ in 0..750 {
+        running.cycles(1);
+        assert_eq!(state(&running), 0x27, "only the drive ends its stop");
+    }
+    running.cycles(100);
+    assert_eq!(state(&running), 0x40);
+    running.set(SAFE_TORQUE_OFF, 0);
+    for _ in 0..200 {
+        running.cycles(1);
+        assert_ne!(state(&running), 0x27, "commands alone do not enable it");
+    }
+    running.machine.reset_by_a_person();
+    running.rest();
+    running.cycles(50);
+    assert_eq!((running.bus.fault(), running.is_moving()), (None, true));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::bench::{Shared, SimulatedLink, segment, table};
 use hydroboom_device_simulator::applications::VelocityUnit;
 use hydroboom_device_simulator::device::Fault as DeviceFault;
-use hydroboom_device_simulator::object_dictionary::Abort;
+use hydroboom_device_simulator::object_dictionary::{Abort, Mapping, ObjectAccess};
 use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::table::{Sync, Table};
 
@@ -68,11 +68,17 @@ fn an_activation_that_the_device_does_not_have_is_told() {
 
 #[test]
 fn units_in_increments_are_read_from_their_objects() {
-    let start = |factor: f64| {
-        let link = SimulatedLink::new(segment(&Shared::default(), |_, drive| {
+    let start = |factor: f64, feed: Option<u32>| {
+        let mut link = SimulatedLink::new(segment(&Shared::default(), |_, drive| {
             drive.unit =
                 VelocityUnit::Increments { per_revolution: 65536, gear: [3, 2], factor: [10, 1] };
         }));
+        let dictionary = &mut link.segment.devices_mut()[1].dictionary;
+        // feed constant: units of position per revolutions of the shaft
+        for (sub, value) in feed.into_iter().flat_map(|feed| [(1, feed), (2, 1)]) {
+            let (key, bytes) = ((0x6092, sub), value.to_le_bytes());
+            dictionary.add(key, &bytes, ObjectAccess::ReadOnly, Mapping::None);
+        }
         let table = table(|t| {
             t.commanded[0].scale.factor = factor;
             t.measured[0].scale.factor = -factor;
@@ -81,10 +87,14 @@ fn units_in_increments_are_read_from_their_objects() {
     };
     // 1.5 turns of the motor for one of the shaft, tenths of increments
     let right = 1.5 / 10.0 / 65536.0;
-    assert!(start(right).is_ok());
-    let told = start(1.1 * right).unwrap_err().to_string();
-    assert_eq!(told.lines().count(), 2, "{told}");
-    assert!(told.contains("0x60FF") && told.contains("0x606C"), "{told}");
+    for increments in [None, Some(65536)] {
+        assert!(start(right, increments).is_ok());
+        let told = start(1.1 * right, increments).unwrap_err().to_string();
+        assert_eq!(told.lines().count(), 2, "{told}");
+        assert!(told.contains("0x60FF") && told.contains("0x606C"), "{told}");
+    }
+    // other units of position: the unit of velocity is not stated, and nothing is refused
+    assert!(start(1.1 * right, Some(360)).is_ok());
 }
 
 #[test]
@@ -93,7 +103,7 @@ fn a_refused_sdo_a_stuck_mailbox_and_an_emergency_are_told_with_the_sdo_and_its_
     let told = refusal_of(|_| {}, |link| link.segment.devices_mut()[1].inject(abort, 0));
     one_sentence_with(
         &told,
-        &["0x1C32:01", "outputs are taken over at SYNC0", "drive (position 1)", "read only"],
+        &["0x1C32:01", "outputs are applied at SYNC0", "drive (position 1)", "read only"],
     );
     let told = refusal_of(
         |_| {},

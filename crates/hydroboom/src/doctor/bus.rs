@@ -105,12 +105,12 @@ fn times(seen: &Listening) -> String {
     };
     format!(
         "{} cycles in SAFEOP, {} frames, {} lost, {} with a working counter other than {}, {} outputs late\n\
-         us, smallest / 1 / 50 / 99 % / largest: outputs before their SYNC0 {}; first exchange after SYNC0 {}; round \
-         trip {}; this computer sends late by {}, with periods of {}",
+         us, smallest / 1 / 50 / 99 % / largest: margin of the outputs to SYNC0 {}; first exchange after SYNC0 {}; \
+         round trip {}; this computer sends late by {}, with periods of {}",
         seen.cycles,
         seen.exchanges,
         seen.lost,
-        seen.low,
+        seen.wrong_working_counter,
         seen.working_counter,
         seen.late_outputs,
         us(&seen.margin),
@@ -137,7 +137,7 @@ fn as_json(diagnosis: &Diagnosis) -> Value {
         .map(|position| {
             let name = bus.devices.get(position).map(|facts| &facts.name);
             json!({
-                "position": position, "name": name, "line": bus.line.get(position).map(line),
+                "position": position, "name": name, "registers": bus.line.get(position).map(registers),
                 "set_up": bus.set_up.get(position).map(set_up),
             })
         })
@@ -153,14 +153,15 @@ fn as_json(diagnosis: &Diagnosis) -> Value {
         "interface": host.interface, "findings": findings, "devices": devices,
         "listening": bus.listening.as_ref().map(listening),
         "host": {
-            "rx_gathering_us": host.gathering_us, "rx_is_adaptive": host.is_adaptive,
-            "flush_after_us": host.flush_after_ns.map(|ns| 1e-3 * ns as f64), "interrupts": interrupts,
+            "rx_coalescing_us": host.rx_coalescing_us, "rx_is_adaptive": host.is_adaptive,
+            "gro_flush_timeout_us": host.gro_flush_timeout_ns.map(|ns| 1e-3 * ns as f64),
+            "interrupts": interrupts,
         },
         "remarks": host.remarks,
     })
 }
 
-fn line(device: &LineDevice) -> Value {
+fn registers(device: &LineDevice) -> Value {
     let errors = device.errors_after.unwrap_or(device.errors);
     json!({
         "identity": device.identity.map(|[vendor, product, revision]| {
@@ -171,7 +172,7 @@ fn line(device: &LineDevice) -> Value {
         "al_status_code": device.state_after.map(|[_, code]| code),
         "invalid_frames": errors.invalid_frames, "receive_errors": errors.receive_errors,
         "forwarded_errors": errors.forwarded, "processing_unit_errors": errors.processing_unit,
-        "application_errors": errors.application, "lost_links": errors.lost_links,
+        "pdi_errors": errors.pdi, "lost_links": errors.lost_links,
     })
 }
 
@@ -180,8 +181,8 @@ fn set_up(shown: &SetUp) -> Value {
     let ms = |ns: Option<u64>| ns.map(|ns| 1e-6 * ns as f64);
     json!({
         "delay_us": us(Some(shown.delay)), "watchdog_ms": ms(shown.watchdog),
-        "application_watchdog_ms": ms(shown.application_watchdog),
-        "activation": shown.activation, "sync_types": shown.sync_types, "cycle_us": us(shown.cycle),
+        "pdi_watchdog_ms": ms(shown.pdi_watchdog),
+        "dc_activation": shown.dc_activation, "sync_types": shown.sync_types, "cycle_us": us(shown.cycle),
         "shortest_cycle_us": us(shown.shortest_cycle), "calc_and_copy_us": us(shown.calc_and_copy),
         "output_bytes": shown.sizes.map(|sizes| sizes[0]), "input_bytes": shown.sizes.map(|sizes| sizes[1]),
         "clock_difference_us": shown.clock_difference.map(|ns| 1e-3 * ns as f64),
@@ -198,7 +199,7 @@ fn listening(seen: &Listening) -> Value {
     };
     json!({
         "cycles": seen.cycles, "exchanges": seen.exchanges, "lost": seen.lost,
-        "wrong_working_counter": seen.low, "working_counter": seen.working_counter,
+        "wrong_working_counter": seen.wrong_working_counter, "working_counter": seen.working_counter,
         "late_outputs": seen.late_outputs, "margin_to_sync0_us": us(&seen.margin),
         "phase_us": us(&seen.phase), "round_trip_us": us(&seen.round_trip), "late_by_us": us(&seen.late_by),
         "period_us": us(&seen.period),

@@ -11,9 +11,10 @@ use miette::Result;
 /// Check whether this computer is suited for real time; or, with --bus, why an EtherCAT bus does not run.
 ///
 /// With --bus the devices at a network interface are compared with their table and brought to SAFEOP, where 500 cycles
-/// of frames are exchanged. Outputs stay safe and drives without power; the devices are in INIT afterwards. The
-/// table's start-up SDOs, PDOs and watchdogs are written, as `run` writes them. Each finding is one sentence with what
-/// to do, the most probable first cause first (docs/how-to/diagnose-a-bus.md).
+/// of frames are exchanged. Outputs stay safe and drives without torque; their supply stays live. The devices are in
+/// INIT afterwards. The table's start-up SDOs, PDOs and watchdogs are written, as `run` writes them. Each finding is
+/// one sentence with what to do: errors first, in the order of stages, causes before their effects
+/// (docs/how-to/diagnose-a-bus.md).
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom doctor\n  hydroboom doctor --bus eth1 --table bus.toml\n  \

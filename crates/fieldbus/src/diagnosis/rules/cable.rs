@@ -1,4 +1,7 @@
 //! Cables and plugs: no link, damaged frames, lost links, delays longer than those of a cable.
+//!
+//! Devices are taken to be connected in a line, each to those at the positions before and after it. In a tree or a ring
+//! the cable that a finding names may be another one.
 
 use super::name;
 use crate::diagnosis::facts::{BusFacts, PORTS};
@@ -8,7 +11,10 @@ use crate::table::Table;
 /// Longest delay from one device to the next \[ns\]: 100 m of cable, and a device. Estimate: 0.55 us and 1 us.
 const LONGEST_DELAY: u32 = 3_000;
 /// Advice where frames are damaged.
-const REPLACE_CABLE: &str = "replace the cable and its plugs, and keep it away from motor cables";
+const REPLACE_CABLE: &str = "replace the cable and its plugs, and keep it away from motor cables; between terminals of \
+one block (E-bus) check the contacts and seating of the terminal";
+/// Since when error counters count.
+const SINCE: &str = "since power-on, or since a main device cleared the counters";
 
 /// Findings of all cables, or that no device answers.
 pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
@@ -35,7 +41,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
     found
 }
 
-/// Where the cable at a port of a device leads.
+/// Where the cable at a port of a device leads, in a line of devices.
 fn cable(table: &Table, bus: &BusFacts, position: usize, port: usize) -> String {
     let this = name(table, bus, position);
     match (port, position) {
@@ -77,11 +83,12 @@ fn damaged_frames(table: &Table, bus: &BusFacts, position: usize) -> Option<Find
         Finding::warning(
             Stage::Cable,
             format!(
-                "frames were damaged on the cable {}: {count} were counted at port {port} since power-on, \
-                none during the diagnosis",
+                "frames were damaged on the cable {}: {count} were counted at port {port} {SINCE}, none during \
+                the diagnosis",
                 cable(table, bus, position, port)
             ),
-            "if the number grows from day to day, replace the cable and its plugs",
+            "if the number grows from day to day, replace the cable and its plugs, or check the contacts and seating \
+            of the terminal",
         )
     })
 }
@@ -105,7 +112,7 @@ fn lost_links(table: &Table, bus: &BusFacts, position: usize) -> Option<Finding>
         Finding::warning(
             Stage::Cable,
             format!(
-                "the link {} was lost {count} times since power-on (port {port}, 0x0310)",
+                "the link {} was lost {count} times {SINCE} (port {port}, 0x0310)",
                 cable(table, bus, position, port)
             ),
             "if no plug was pulled and no neighbour switched off, check plugs and supply",

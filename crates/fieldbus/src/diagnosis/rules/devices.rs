@@ -79,7 +79,7 @@ fn compare(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                 places.map(|(k, device)| format!("position {k} is {}", table_name(rows, device)));
             error(
                 format!(
-                    "the devices are in another order than in the table: {}",
+                    "the devices are in a different order than in the table: {}",
                     places.collect::<Vec<_>>().join(", ")
                 ),
                 "connect them in the table's order, or change the order in the table",
@@ -92,7 +92,7 @@ fn compare(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                 with_verb(missing.iter().map(|k| row_text(&rows[*k], *k))),
                 with_verb(extra.iter().map(|k| device_text(&devices[*k], *k)))
             ),
-            "compare the line with the table, device by device",
+            "compare the devices with the table, position by position",
         ),
     }
 }

@@ -11,7 +11,7 @@ const INTERRUPT_PRIORITY: i32 = 85;
 pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
     let HostFacts { interface, .. } = host;
     let mut found = Vec::new();
-    let coalescing = match (host.gathering_us, host.is_adaptive) {
+    let coalescing = match (host.rx_coalescing_us, host.is_adaptive) {
         // with 1 and 3 some cards choose a time by themselves, of up to 250 us (igb, e1000e)
         (Some(us), _) if us > 0 => Some(format!("its rx-usecs is {us}")),
         (_, Some(true)) => Some("its adaptive-rx is on".into()),
@@ -26,7 +26,7 @@ pub(super) fn findings(host: &HostFacts) -> Vec<Finding> {
             format!("switch that off: ethtool -C {interface} adaptive-rx off rx-usecs 0"),
         ));
     }
-    if let Some(ns) = host.flush_after_ns.filter(|ns| *ns > 0) {
+    if let Some(ns) = host.gro_flush_timeout_ns.filter(|ns| *ns > 0) {
         found.push(Finding::warning(
             Stage::Host,
             format!("the kernel holds frames of {interface} for {} us to merge them", ns / 1000),

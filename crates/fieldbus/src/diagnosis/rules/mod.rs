@@ -1,4 +1,4 @@
-//! Rules: from facts to findings, the most probable first cause first.
+//! Rules: from facts to findings, errors first, in the order of stages: causes before their effects.
 
 mod cable;
 mod devices;

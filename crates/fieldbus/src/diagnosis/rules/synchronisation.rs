@@ -43,13 +43,13 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
 /// Registers 0x0980 and 0x0981 against the modes of the EEPROM: the low byte of a mode is for 0x0980, the high one for
 /// 0x0981.
 fn activation(this: &str, row: &DeviceRow, set_up: &SetUp, modes: &[u16]) -> Option<Finding> {
-    let [unit, is] = set_up.activation?;
+    let [unit, is] = set_up.dc_activation?;
     let [_, expected] = row.sync.activation().to_le_bytes();
     if is != expected {
         return Some(Finding::error(
             Stage::Synchronisation,
             format!(
-                "register 0x0981 of {this} is 0x{is:02X}, its sync in the table asks for 0x{expected:02X}"
+                "register 0x0981 of {this} is 0x{is:02X}, its sync in the table requires 0x{expected:02X}"
             ),
             "read in its manual which activations it supports, and set sync",
         ));
@@ -122,7 +122,7 @@ fn type_name(kind: u16) -> &'static str {
     }
 }
 
-/// Compares the period with the device's cycle times, and the calc and copy time with the send time of outputs.
+/// Compares the period with the device's cycle times, and its calc and copy time with the send time of outputs.
 fn cycles(this: &str, table: &Table, row: &DeviceRow, set_up: &SetUp) -> Vec<Finding> {
     if row.sync == Sync::None {
         return Vec::new();
@@ -152,20 +152,22 @@ fn cycles(this: &str, table: &Table, row: &DeviceRow, set_up: &SetUp) -> Vec<Fin
             format!("write {period} into 0x1C32:02 as a start-up SDO"),
         ));
     }
-    // two exchanges: the second one before the SYNC0 that takes over; one: the first after it, a period before
+    // two exchanges: outputs are sent by the second one before SYNC0; one: by the first after the SYNC0 before
     let before = match table.bus.exchanges {
         2 => period.saturating_sub(table.bus.send),
         _ => period.saturating_sub(table.bus.exchange),
     };
-    if let Some(needed) = stated(set_up.calc_and_copy).filter(|needed| *needed > before) {
-        found.push(Finding::error(
+    // some manufacturers state other times there, as the smallest one between SYNC0 and SYNC1
+    if let Some(time) = stated(set_up.calc_and_copy).filter(|time| *time > before) {
+        found.push(Finding::warning(
             Stage::Synchronisation,
             format!(
-                "{this} needs outputs {} us before SYNC0 (0x1C32:06), they are sent {} us before it",
-                us(needed),
+                "calc and copy time 0x1C32:06 of {this} is {} us, outputs are sent {} us before SYNC0",
+                us(time),
                 us(before)
             ),
-            "send earlier: lower bus.send_us, or bus.exchange_us with one exchange",
+            "see the device's manual for its meaning; if outputs have to arrive so long before SYNC0, lower \
+            bus.send_us, or bus.exchange_us with one exchange",
         ));
     }
     found

@@ -35,8 +35,8 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
                 .to_string(),
         ));
     }
-    if listening.low > 0 {
-        let finding = if listening.low > u64::from(table.bus.lost_max) {
+    if listening.wrong_working_counter > 0 {
+        let finding = if listening.wrong_working_counter > u64::from(table.bus.lost_max) {
             Finding::error
         } else {
             Finding::warning
@@ -45,9 +45,9 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
             Stage::Timing,
             format!(
                 "{} of {} frames came back with the working counter {}, expected by the table {}",
-                listening.low,
+                listening.wrong_working_counter,
                 listening.exchanges,
-                listening.low_counter,
+                listening.last_wrong_working_counter,
                 listening.working_counter
             ),
             "a device did not process its data: check its cable and supply".to_string(),
@@ -58,7 +58,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
         found.push(finding(
             Stage::Timing,
             format!(
-                "{} of {} outputs came after the SYNC0 that was to take them over (this computer sends up \
+                "{} of {} outputs came after the SYNC0 at which they were to be applied (this computer sends up \
                 to {} us late)",
                 listening.late_outputs,
                 listening.cycles,
@@ -74,8 +74,8 @@ pub(super) fn findings(table: &Table, bus: &BusFacts, others: &[Finding]) -> Vec
         found.push(Finding::warning(
             Stage::Timing,
             format!(
-                "1 % of frames take more than {} us, and control begins {} us after the first is sent: it \
-                uses the measurement of the period before",
+                "1 % of frames take more than {} us: the control task starts {} us after the first exchange, and \
+                then uses the previous period's measurement",
                 us(listening.round_trip.p99),
                 us(time_to_control)
             ),

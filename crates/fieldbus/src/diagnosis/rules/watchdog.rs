@@ -19,8 +19,8 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             found.push(Finding::error(
                 Stage::Watchdog,
                 format!(
-                    "the process-data watchdog of {this} is switched off (0x0420 is 0): its outputs stay on \
-                    where this computer stops"
+                    "the process-data watchdog of {this} is switched off (0x0420 is 0): its outputs hold \
+                    their last values when frames stop"
                 ),
                 set,
             ));
@@ -28,8 +28,8 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
             found.push(Finding::warning(
                 Stage::Watchdog,
                 format!(
-                    "the process-data watchdog of {this} is {} ms: its outputs stay on for that time \
-                    where this computer stops",
+                    "the process-data watchdog of {this} is {} ms: its outputs hold their last values \
+                    for that time when frames stop",
                     time / 1_000_000
                 ),
                 set,
@@ -42,7 +42,7 @@ pub(super) fn findings(table: &Table, bus: &BusFacts) -> Vec<Finding> {
                 Stage::Watchdog,
                 format!(
                     "sync manager {} of {this} does not trigger the watchdog (bit 6 of its control byte): its \
-                    outputs stay on where this computer stops",
+                    outputs hold their last values when frames stop",
                     manager.number
                 ),
                 "read in its manual how its outputs react to missing frames, and whether its EEPROM can set this bit",
