@@ -27,7 +27,11 @@ use miette::{IntoDiagnostic, Result, miette};
 use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::sync::Arc;
-use std::time::SystemTime;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::time::{Duration, SystemTime};
+
+/// Interval of the check for Ctrl-C while a line is awaited.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Commission a machine: its first motions in steps that are each bounded in movement, and a record of them.
 #[derive(Args)]
@@ -55,7 +59,7 @@ pub struct Commission {
     /// reads it by --commissioning.
     #[arg(long, value_name = "FILE")]
     record: OutputFile,
-    /// Simulated time: with the virtual crane, as fast as possible; a simulated person opens the stop circuit.
+    /// Simulated time: with the virtual crane, as fast as possible; a simulated operator opens the stop circuit.
     #[arg(long)]
     simulated_time: bool,
     /// Print JSON.
@@ -118,8 +122,9 @@ impl Commission {
                 let basis = of_local(&model, &bus);
                 let is_identified = bus.endpoint.machine().is_some();
                 let thread = bus.spawn(Placement::default().control_core);
-                let ran = consent(&basis)
-                    .and_then(|()| run(begin(is_identified), Box::new(side), &model, &person));
+                let ran = consent(&basis, &person).and_then(|lines| {
+                    run(begin(is_identified), Box::new(side), &model, &person, lines)
+                });
                 let report = thread.end();
                 report.iter().flat_map(|report| &report.remarks).for_each(|r| output::note(r));
                 (basis, ran?, format!("udp:{port}"))
@@ -134,8 +139,8 @@ impl Commission {
                     .into_diagnostic()?;
                 let Started { thread, machine, facts, .. } = started;
                 let basis = of_bus(&model, &about, &facts);
-                let ran = consent(&basis).and_then(|()| {
-                    run(begin(!facts.is_empty()), Box::new(machine), &model, &person)
+                let ran = consent(&basis, &person).and_then(|lines| {
+                    run(begin(!facts.is_empty()), Box::new(machine), &model, &person, lines)
                 });
                 let report = thread.end();
                 if let Some((_, sentence)) =
@@ -172,8 +177,14 @@ impl Commission {
                 output::text(&(said + &output::named("record", &self.record)))?;
             }
         }
-        if sequence.has_passed() {
+        if record::permits_motion(basis, sequence) {
             return Ok(());
+        }
+        if sequence.has_passed() {
+            return Err(miette!(
+                help = "let the machine report its state, then start commissioning again",
+                "the stop circuit of this real machine was not tested, and `hydroboom run` requires it"
+            ));
         }
         let step = sequence.step();
         let why = match &sequence.outcomes()[step.place()] {
@@ -222,21 +233,22 @@ fn results(basis: &Basis, sequence: &Sequence, machine: &str) -> Value {
         })
     });
     json!({
-        "machine": machine, "is_simulated": basis.is_simulated, "passed": sequence.has_passed(),
+        "machine": machine, "is_simulated": basis.is_simulated,
+        "passed": record::permits_motion(basis, sequence),
         "steps": steps.collect::<Vec<_>>(),
     })
 }
 
-/// At a real machine a person at a terminal begins, and confirms each reset.
-fn consent(basis: &Basis) -> Result<()> {
+/// At a real machine the operator, at a terminal, begins. Returns the operator's further lines.
+fn consent(basis: &Basis, person: &Person) -> Result<Receiver<()>> {
     if basis.is_simulated {
         output::note("simulated machine");
-        return Ok(());
+        return Ok(lines());
     }
     if !std::io::stdin().is_terminal() {
         return Err(miette!(
             help = "start it in a terminal, at the machine",
-            "a real machine is commissioned by a person at a terminal, and standard input is no terminal"
+            "a real machine is commissioned by its operator at a terminal, and standard input is no terminal"
         ));
     }
     output::note(
@@ -244,27 +256,48 @@ fn consent(basis: &Basis) -> Result<()> {
          in reach and was tested, and that a fall of the load to its mechanical stop does no harm. Enter begins, \
          Ctrl-C ends",
     );
-    let mut line = String::new();
-    match std::io::stdin().read_line(&mut line) {
-        Ok(count) if count > 0 => Ok(()),
-        _ => Err(miette!("not begun: standard input was closed")),
+    let lines = lines();
+    loop {
+        let line = lines.recv_timeout(POLL_INTERVAL);
+        if person.is_ended() {
+            return Err(miette!("not begun: aborted by the operator"));
+        }
+        match line {
+            Ok(()) => return Ok(lines),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(miette!("not begun: standard input was closed"));
+            }
+        }
     }
 }
 
-/// Runs a sequence in real time; a person confirms by Enter.
+/// Lines of standard input, each as a message. A thread of its own reads them, because Ctrl-C does not interrupt the
+/// reading.
+fn lines() -> Receiver<()> {
+    let (sender, receiver) = mpsc::channel();
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        while std::io::stdin().read_line(&mut line).is_ok_and(|count| count > 0) {
+            line.clear();
+            if sender.send(()).is_err() {
+                break;
+            }
+        }
+    });
+    receiver
+}
+
+/// Runs a sequence in real time; each of the operator's lines confirms a prompt.
 fn run(
     sequence: Sequence,
     machine: Box<dyn Machine>,
     model: &Description,
     person: &Arc<Person>,
+    lines: Receiver<()>,
 ) -> Result<Sequence> {
     let confirms = Arc::clone(person);
-    std::thread::spawn(move || {
-        let mut line = String::new();
-        while std::io::stdin().read_line(&mut line).is_ok_and(|count| count > 0) {
-            confirms.confirm();
-        }
-    });
+    std::thread::spawn(move || lines.iter().for_each(|()| confirms.confirm()));
     let (period, core) = (model.numbers.control_period, Placement::default().control_core);
     let (sequence, lost) = task::run(sequence, machine, period, core, person, &mut tell)
         .map_err(|why| miette!("commissioning ended by a defect of this program: {why}"))?;
@@ -276,7 +309,7 @@ fn run(
 fn tell(told: Told) {
     match told {
         Told::Step(step) => output::note(&format!("{}: {}", step.name(), step.text())),
-        Told::Prompt(prompt) => output::note(&format!(">>> {}", prompt.text())),
+        Told::Prompt(prompt, code) => output::note(&format!(">>> {}", prompt.text(code))),
     }
 }
 

@@ -1,4 +1,5 @@
-//! Basis of a commissioning, for which its record is valid: crane file, bus table, devices with firmware, our version.
+//! Basis of a commissioning, for which its record is valid: crane file, bus table, devices with firmware, program
+//! version.
 
 use crate::output;
 use hydroboom_description::{Description, digest_of};
@@ -35,6 +36,9 @@ pub fn of_virtual(model: &Description, machine: &Description) -> Basis {
 }
 
 /// Basis of a machine on the local interface, whose session has begun. Without a peer it is a real machine.
+///
+/// A machine on this interface states its kind and a firmware number only: two machines with the same ones do not
+/// differ.
 pub fn of_local(model: &Description, bus: &BusTask) -> Basis {
     let peer = bus.endpoint.machine().map_or(Peer::RealMachine, |(_, peer)| peer);
     let firmware = match bus.endpoint.firmware() {

@@ -9,7 +9,7 @@ const LONGEST: usize = 400;
 /// # use hydroboom_realtime::command_delay::CommandDelay;
 /// let mut delay = CommandDelay::default();
 /// delay.set(2);
-/// assert_eq!([1.0, 2.0, 3.0, 4.0].map(|speed| delay.pass(speed)), [1.0, 1.0, 1.0, 2.0]);
+/// assert_eq!([1.0, 2.0, 3.0, 4.0].map(|speed| delay.push(speed)), [1.0, 1.0, 1.0, 2.0]);
 /// ```
 #[derive(Clone, Debug)]
 pub struct CommandDelay {
@@ -42,7 +42,7 @@ impl CommandDelay {
     }
 
     /// Takes the newest command \[rev/s\], and returns the one that acts now. It does not allocate.
-    pub fn pass(&mut self, command: f64) -> f64 {
+    pub fn push(&mut self, command: f64) -> f64 {
         if self.is_empty {
             self.commands.fill(command);
             self.is_empty = false;
@@ -64,12 +64,12 @@ mod tests {
         for (steps, acts_after) in [(0, 0), (1, 1), (20, 20), (LONGEST, LONGEST), (9999, LONGEST)] {
             let mut delay = CommandDelay::default();
             delay.set(steps);
-            let passed: Vec<f64> = (0..1000).map(|k| delay.pass(f64::from(k))).collect();
+            let passed: Vec<f64> = (0..1000).map(|k| delay.push(f64::from(k))).collect();
             for (k, acts) in passed.iter().enumerate() {
                 assert_eq!(*acts, k.saturating_sub(acts_after) as f64);
             }
             delay.clear();
-            assert_eq!(delay.pass(-5.0), -5.0);
+            assert_eq!(delay.push(-5.0), -5.0);
         }
     }
 }

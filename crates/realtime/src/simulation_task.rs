@@ -104,7 +104,7 @@ impl SimulationTask {
         if self.conditions.differ(&self.wanted) {
             self.take_on();
         }
-        let pump_speed = self.command_delay.pass(pump_speed);
+        let pump_speed = self.command_delay.push(pump_speed);
         match self.simulation.advance(&Input { pump_speed, holding_valve: 1.0 }, 1) {
             Ok(()) => {
                 self.simulated.steps += 1;

@@ -45,8 +45,8 @@ impl Outcome {
 pub enum Reason {
     /// The machine reports no state, so that an open stop circuit cannot be detected.
     NoState,
-    /// The load's pressure leaves no room below it \[Pa\]: measured, and what is needed.
-    NoRoom([f64; 2]),
+    /// The pump side's pressure is too close below the load's \[Pa\]: measured, and the margin that is needed.
+    PressureMarginTooSmall([f64; 2]),
 }
 
 impl Display for Reason {
@@ -56,10 +56,10 @@ impl Display for Reason {
                 "the machine reports no state, so that an open stop circuit is not detected: test it by hand before \
                  the load is released",
             ),
-            Self::NoRoom([pump, needed]) => write!(
+            Self::PressureMarginTooSmall([pump, needed]) => write!(
                 f,
-                "the pump side ({:.1} bar) is less than {:.1} bar below the load, so that a rise would lift it; the \
-                 release shows the polarity by the lift",
+                "the pump-side pressure ({:.1} bar) is within {:.1} bar of the load pressure, so this test could lift \
+                 the load; a wrong delivery direction is detected in `release`",
                 pump / BAR,
                 needed / BAR
             ),
@@ -70,7 +70,7 @@ impl Display for Reason {
 /// What went wrong in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// A person ended it.
+    /// The operator aborted it.
     Ended,
     /// No measurement for this time \[s\].
     Silent(f64),
@@ -106,6 +106,8 @@ pub enum Finding {
     StopCircuitNotSeen(f64),
     /// The machine was not reset within this time \[s\].
     NotReset(f64),
+    /// The operator did not start the motion within this time \[s\].
+    NotStarted(f64),
     /// Commands came too late, and the connection to the machine has stopped the motor.
     CommandsLate,
     /// A held load moved \[m\]: measured, allowed.
@@ -156,7 +158,7 @@ fn name(signal: usize) -> &'static str {
 impl Display for Finding {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match *self {
-            Self::Ended => f.write_str("ended by a person"),
+            Self::Ended => f.write_str("aborted by the operator"),
             Self::Silent(time) => write!(
                 f,
                 "no measurement for {time:.3} s: check the machine's program, its cable and its supply"
@@ -202,7 +204,7 @@ impl Display for Finding {
             ),
             Self::LoadPressure([measured, low, high]) => write!(
                 f,
-                "the load's pressure is {:.1} bar, expected {:.1} to {:.1} bar: are the pressure sensors exchanged, \
+                "the load's pressure is {:.1} bar, expected {:.1} to {:.1} bar: are the pressure sensors swapped, \
                  does the load rest on something, is payload.mass_kg of the crane file right?",
                 measured / BAR,
                 low / BAR,
@@ -211,14 +213,14 @@ impl Display for Finding {
             Self::PumpAboveLoad([pump, load]) => write!(
                 f,
                 "the pump side ({:.1} bar) is above the load ({:.1} bar) behind a shut valve: are pump-side and \
-                 cylinder sensors exchanged?",
+                 cylinder sensors swapped?",
                 pump / BAR,
                 load / BAR
             ),
             Self::NoStroke([position, low, high]) => write!(
                 f,
-                "the piston is at {:.1} mm, and the travel needs {:.1} to {:.1} mm: bring the load there by the \
-                 machine's own means, then begin again",
+                "the piston is at {:.1} mm, and the travel needs {:.1} to {:.1} mm: bring the load there with \
+                 the machine's manual control, then begin again",
                 position / MM,
                 low / MM,
                 high / MM
@@ -238,7 +240,8 @@ impl Display for Finding {
             ),
             Self::MachineFault(code) => write!(
                 f,
-                "the machine reports a fault of code {code:#06x}: see its manual, and reset it at the machine"
+                "the machine reports fault code {code} ({code:#06x}): see docs/reference/ethercat-table.md for a bus, \
+                 the machine's manual for another machine; remove the cause, and reset the machine"
             ),
             Self::StopCircuitNotSeen(time) => write!(
                 f,
@@ -248,9 +251,12 @@ impl Display for Finding {
             Self::NotReset(time) => {
                 write!(f, "the machine was not ready again within {time:.0} s: reset it, then begin again")
             }
+            Self::NotStarted(time) => {
+                write!(f, "the motion was not started within {time:.0} s: begin again")
+            }
             Self::CommandsLate => f.write_str(
-                "no command came for two periods, and the connection has stopped the motor: relieve this computer of \
-                 other work, and see `hydroboom doctor`",
+                "no command came for two periods, and the connection has stopped the motor: reduce the load on \
+                 this computer, and see `hydroboom doctor`",
             ),
             Self::Moved([measured, allowed]) => write!(
                 f,
@@ -276,28 +282,29 @@ impl Display for Finding {
             Self::NoWatchdog([speed, time]) => write!(
                 f,
                 "{:.0} ms after the last command the motor still turned at {:.1} rpm, expected rest: switch the \
-                 machine's watchdog on (20 ms)",
+                 machine's watchdog on (supervision.watchdog_ms of the crane file)",
                 time * 1e3,
                 speed / RPM
             ),
             Self::OtherSideRose([pump, other]) => write!(
                 f,
                 "the pump side that carries the load changed by {:+.1} bar, the other one by {:+.1} bar: correct the \
-                 sign of the motor's command, exchange the pump's lines, or exchange both pump sides' sensors",
+                 sign of the motor's command, swap the pump's lines, or swap the sensors of both pump sides",
                 pump / BAR,
                 other / BAR
             ),
             Self::LoadRose([pump, load]) => write!(
                 f,
                 "the pump side changed by {:+.1} bar, the cylinder by {:+.1} bar: are pump-side and cylinder sensors \
-                 exchanged, or is the load-holding valve not shut?",
+                 swapped, or is the load-holding valve not shut?",
                 pump / BAR,
                 load / BAR
             ),
             Self::NoRise([measured, expected]) => write!(
                 f,
                 "the pump side changed by {:+.1} bar, expected {:+.1} bar: is the pump's polarity reversed (sign of \
-                 the command, lines), is the sensor at another port, or is the pump side open?",
+                 the command, lines), is the sensor at another port, or does the pump side leak to tank (open valve, \
+                 relief valve)?",
                 measured / BAR,
                 expected / BAR
             ),
@@ -310,8 +317,8 @@ impl Display for Finding {
             ),
             Self::PositionReversed(moved) => write!(
                 f,
-                "the position changed by {:+.2} mm against the pump: correct the sign of the position (key `sign` of \
-                 its row of the table)",
+                "the position moved by {:+.2} mm opposite to the pump flow: correct the sign of the position (key \
+                 `sign` of its row of the table)",
                 moved / MM
             ),
             Self::Supervisor(cause, moved) => write!(

@@ -1,7 +1,7 @@
 //! Record of a commissioning: what was commissioned, with what result; and what has changed since.
 //!
-//! The digest is SHA-256 over crane file, bus table, devices with their firmware, our version and the results. It
-//! finds changes; it is no safety function, and no protection against a person who writes another one.
+//! The digest is SHA-256 over all of the record's text, with an empty digest in it. It finds changes; it is no safety
+//! function, and no protection against somebody who writes another record.
 
 use super::finding::{Outcome, SIGNALS};
 use super::sequence::{Quantities, Sequence};
@@ -13,17 +13,19 @@ use thiserror::Error;
 use toml::{Table, Value};
 
 /// Version of the file's layout.
-const FORMAT: i64 = 1;
+const FORMAT: i64 = 2;
 /// Longest file that is read \[B\].
 const LONGEST: u64 = 1_000_000;
 /// Result of a passed commissioning, and of another one.
 const PASSED: &str = "passed";
 const FAILED: &str = "failed";
+/// Result of a step that could not be done.
+const SKIPPED: &str = "skipped";
 
 /// A device as it reports itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Device {
-    /// Name by which a person finds it.
+    /// Name by which the operator finds it.
     pub name: String,
     /// Its identity: kind, vendor, product, revision, serial number.
     pub identity: String,
@@ -89,21 +91,29 @@ impl Basis {
         }
         found
     }
+}
 
-    /// Lines that the digest is of, with those of the results.
-    fn digest(&self, results: &[(String, String)]) -> String {
-        let mut lines = vec![
-            format!("crane={}", self.crane),
-            format!("bus_table={}", self.bus_table),
-            format!("version={}", self.version),
-            format!("simulated={}", self.is_simulated),
-        ];
-        lines.extend(
-            self.devices.iter().map(|d| format!("{:?} {:?} {:?}", d.name, d.identity, d.firmware)),
-        );
-        lines.extend(results.iter().map(|(step, outcome)| format!("{step}={outcome}")));
-        digest_of(&lines.join("\n"))
-    }
+/// Line of a digest in a record.
+fn digest_line(digest: &str) -> String {
+    format!("digest = \"{digest}\"")
+}
+
+/// A record's text with the digest of that text in place of the empty one.
+fn with_digest(text: &str) -> String {
+    text.replacen(&digest_line(""), &digest_line(&digest_of(text)), 1)
+}
+
+/// Whether a record's digest is that of its text.
+fn is_unchanged(text: &str, digest: &str) -> bool {
+    digest_of(&text.replacen(&digest_line(digest), &digest_line(""), 1)) == digest
+}
+
+/// Whether a commissioning permits motion: every step passed or was skipped, and the stop circuit of a real machine was
+/// not skipped.
+pub fn permits_motion(basis: &Basis, sequence: &Sequence) -> bool {
+    let stop_circuit = sequence.outcomes()[Step::StopCircuit.place()];
+    let has_skipped_it = matches!(stop_circuit, Some(Outcome::Skipped(_)));
+    sequence.has_passed() && (basis.is_simulated || !has_skipped_it)
 }
 
 /// Error of reading a record, or reason for which it does not permit motion.
@@ -151,9 +161,9 @@ pub fn text(basis: &Basis, machine: &str, date: &str, sequence: &Sequence) -> St
     head.insert("is_simulated".into(), Value::Boolean(basis.is_simulated));
     head.insert("date".into(), string(date));
     head.insert("version".into(), string(&basis.version));
-    let result = if sequence.has_passed() { PASSED } else { FAILED };
+    let result = if permits_motion(basis, sequence) { PASSED } else { FAILED };
     head.insert("result".into(), string(result));
-    head.insert("digest".into(), string(&basis.digest(&results)));
+    head.insert("digest".into(), string(""));
     let mut digests = Table::new();
     digests.insert("crane".into(), string(&basis.crane));
     digests.insert("bus_table".into(), string(&basis.bus_table));
@@ -192,10 +202,10 @@ pub fn text(basis: &Basis, machine: &str, date: &str, sequence: &Sequence) -> St
     all.insert("digests".into(), Value::Table(digests));
     all.insert("device".into(), Value::Array(devices.collect()));
     all.insert("step".into(), Value::Array(steps.collect()));
-    format!(
+    with_digest(&format!(
         "# Written by `hydroboom commission`. `hydroboom run --commissioning` compares it with the machine.\n\
-         # The digest finds changes. It is no safety function.\n\n{all}"
-    )
+         # The digest finds changes of this text. It is no safety function.\n\n{all}"
+    ))
 }
 
 /// Name and result of each step.
@@ -295,16 +305,19 @@ fn check_text(path: &str, text: &str, now: &Basis) -> Result<(), RecordError> {
     for step in tables("step") {
         results.push((string(Some(step), "step", "name")?, string(Some(step), "step", "outcome")?));
     }
-    if string(head, "commissioning", "digest")? != then.digest(&results) {
+    if !is_unchanged(text, &string(head, "commissioning", "digest")?) {
         return Err(other(
-            "its digest is not that of its content: it was changed after it was written; commission the machine again"
+            "its digest is not that of its text: it was changed after it was written; commission the machine again"
                 .into(),
         ));
     }
     for step in Step::ALL {
         let result = results.iter().find(|(name, _)| name == step.name());
         let how = match result.map(|(_, how)| how.as_str()) {
-            Some(PASSED | "skipped") => continue,
+            Some(SKIPPED) if step == Step::StopCircuit && !then.is_simulated => {
+                "was skipped, and run requires it of a real machine"
+            }
+            Some(PASSED | SKIPPED) => continue,
             Some(how) if how == FAILED => "failed",
             _ => "was not reached",
         };
@@ -337,19 +350,15 @@ mod tests {
     }
 
     fn written(results: &[(&str, &str)]) -> String {
-        let b = basis();
-        let own = |(a, b): &(&str, &str)| ((*a).to_string(), (*b).to_string());
-        let results: Vec<(String, String)> = results.iter().map(own).collect();
         let steps: String = results
             .iter()
             .map(|(step, how)| format!("[[step]]\nname = \"{step}\"\noutcome = \"{how}\"\n"))
             .collect();
-        let digest = b.digest(&results);
-        format!(
-            "[commissioning]\nformat = 1\nis_simulated = false\nversion = \"0.1\"\ndigest = \"{digest}\"\n\
+        with_digest(&format!(
+            "[commissioning]\ndate = \"then\"\nformat = 2\nis_simulated = false\nversion = \"0.1\"\ndigest = \"\"\n\
              [digests]\ncrane = \"c\"\nbus_table = \"t\"\n[[device]]\nname = \"drive\"\nidentity = \"vendor 1\"\n\
              firmware = '\"1.2\"'\n{steps}"
-        )
+        ))
     }
 
     fn all() -> Vec<(&'static str, &'static str)> {
@@ -378,6 +387,16 @@ mod tests {
     }
 
     #[test]
+    fn a_real_machine_whose_stop_circuit_was_skipped_is_refused() {
+        let mut skipped = all();
+        skipped[Step::Polarity.place()].1 = "skipped";
+        assert!(check_text("r", &written(&skipped), &basis()).is_ok());
+        skipped[Step::StopCircuit.place()].1 = "skipped";
+        let said = check_text("r", &written(&skipped), &basis()).unwrap_err().to_string();
+        assert!(said.contains("stop-circuit was skipped"), "{said}");
+    }
+
+    #[test]
     fn a_record_that_failed_is_incomplete_or_was_changed_is_refused() {
         let mut failed = all();
         failed[4].1 = "failed";
@@ -385,10 +404,15 @@ mod tests {
         assert!(said.contains("polarity failed"), "{said}");
         let said = check_text("r", &written(&all()[..6]), &basis()).unwrap_err().to_string();
         assert!(said.contains("travel was not reached"), "{said}");
-        let changed = written(&failed).replace("\"failed\"", "\"passed\"");
-        let said = check_text("r", &changed, &basis()).unwrap_err().to_string();
-        assert!(said.contains("changed after it was written"), "{said}");
-        for text in ["", "x", "[commissioning]\nformat = 2"] {
+        let results = written(&failed).replace("\"failed\"", "\"passed\"");
+        let date = written(&all()).replace("\"then\"", "\"now\"");
+        let value = written(&all()) + "delay_cycles = 1.0\n";
+        let comment = written(&all()) + "# another line\n";
+        for changed in [results, date, value, comment] {
+            let said = check_text("r", &changed, &basis()).unwrap_err().to_string();
+            assert!(said.contains("changed after it was written"), "{said}");
+        }
+        for text in ["", "x", "[commissioning]\nformat = 1", "[commissioning]\nformat = 2"] {
             assert!(check_text("r", text, &basis()).is_err(), "{text}");
         }
     }

@@ -1,8 +1,11 @@
 //! Sequence of the steps: one call a control period.
 //!
-//! While the load-holding valve is shut, the sequence commands by itself and checks each period: measurements valid
-//! and in their ranges, the load at rest, no fault of the machine. From the release on the supervisor commands, with
-//! all its monitors, and the sequence adds narrower bounds. What fails ends the sequence with motor zero, valve shut.
+//! While the load-holding valve is shut, the sequence commands by itself and checks each measurement that arrives: it
+//! is valid and in its range, the load is at rest, the machine has no fault. From the release on the supervisor
+//! commands, with all its monitors, and the sequence adds narrower bounds. A step that fails ends the sequence with
+//! motor zero, valve shut.
+//!
+//! The operator starts each motion: a confirmed reset starts none (ISO 13850, ISO 14118).
 
 use super::finding::{Finding, Outcome, Reason};
 use super::settings::Settings;
@@ -28,6 +31,8 @@ const SMOOTHING: f64 = 0.02;
 const BRAKING: f64 = 0.5;
 /// Longest time of a supervised stop before the drives are switched off \[s\].
 const STOPPING: f64 = 3.0;
+/// Shortest time in which a prompt is read \[s\]: a line that comes before is a second Enter of the prompt before it.
+const READING: f64 = 1.0;
 
 /// Inputs of a period.
 #[derive(Clone, Copy, Debug)]
@@ -38,9 +43,9 @@ pub struct Now {
     pub incoming: Option<Incoming>,
     /// Periods missed since the last executed one.
     pub missed: u32,
-    /// Whether a person has confirmed the prompt.
+    /// Whether the operator has confirmed the prompt.
     pub is_confirmed: bool,
-    /// Whether a person wants to end.
+    /// Whether the operator wants to end.
     pub is_ended: bool,
 }
 
@@ -51,7 +56,7 @@ pub enum Action {
     Send(Outgoing),
     /// Nothing is sent, so that the machine's own watchdog expires.
     Withhold,
-    /// A person has confirmed that the machine may be reset; with the command to send.
+    /// The operator has confirmed that the machine may be reset; with the command to send.
     Reset(Outgoing),
 }
 
@@ -64,7 +69,8 @@ pub struct Quantities {
     pub noise: [f64; SIGNALS],
     /// The machine's code while the stop circuit was open; 0 where it reported no fault.
     pub stop_circuit_code: f64,
-    /// Time from the last command until the speed signal showed rest \[s\]; NaN where no measurement came meanwhile.
+    /// Time from the last command until the speed signal was below the tolerance of the slow speed \[s\]; NaN where no
+    /// measurement came meanwhile.
     pub watchdog: f64,
     /// Measured motor speed over the commanded one \[1\].
     pub motor_ratio: f64,
@@ -82,7 +88,7 @@ pub struct Quantities {
     pub travel: [f64; 2],
     /// Travel by position over travel by the pump's volume \[1\].
     pub scale: f64,
-    /// Delay from sampling to actuation, as the attachment counts it \[cycles\].
+    /// Delay from sampling to actuation, as the machine's connection measures it \[cycles\].
     pub delay: f64,
     /// Stopping distance of the piston after the immediate stop \[m\].
     pub stop_distance: f64,
@@ -157,6 +163,10 @@ pub struct Sequence {
     /// Whether measurements may be missing, and whether the machine may have a fault.
     may_be_silent: bool,
     may_have_fault: bool,
+    /// Whether the operator has started the motion of this step.
+    is_started: bool,
+    /// Time since the last command \[s\], where no measurement has shown yet that the watchdog stopped the motor.
+    unmeasured: Option<f64>,
     /// Position of the held load \[m\].
     origin: Option<f64>,
     /// Motor speed commanded with the valve shut \[rev/s\].
@@ -201,6 +211,8 @@ impl Sequence {
             smooth: [f64::NAN; SIGNALS],
             may_be_silent: false,
             may_have_fault: false,
+            is_started: false,
+            unmeasured: None,
             origin: None,
             motor: 0.0,
             windows: [Window::default(); SIGNALS],
@@ -228,9 +240,17 @@ impl Sequence {
         self.step
     }
 
-    /// What a person is asked to do now.
+    /// What the operator is asked to do now.
     pub fn prompt(&self) -> Option<Prompt> {
         self.prompt
+    }
+
+    /// Code of the fault that the machine reports; none where it reports no fault.
+    pub fn machine_code(&self) -> Option<u16> {
+        match self.status() {
+            Some(MachineStatus::Fault { code }) => Some(code),
+            _ => None,
+        }
     }
 
     /// Result of each step, in their order; none for one that was not reached.
@@ -243,7 +263,7 @@ impl Sequence {
         &self.quantities
     }
 
-    /// Whether every step was done and none failed.
+    /// Whether every step passed or was skipped.
     pub fn has_passed(&self) -> bool {
         let is_well = |outcome: &Option<Outcome>| {
             matches!(outcome, Some(Outcome::Passed | Outcome::Skipped(_)))
@@ -304,6 +324,7 @@ impl Sequence {
         self.begin_phase(0);
         self.prompt = None;
         (self.may_be_silent, self.may_have_fault) = (false, false);
+        (self.is_started, self.unmeasured) = (false, None);
         match self.step.next() {
             Some(next) => self.step = next,
             None => self.ending = Some(Ending::Over),
@@ -319,6 +340,7 @@ impl Sequence {
             Step::Listening | Step::StopCircuit | Step::Watchdog | Step::Polarity => {
                 Ending::Braking(BRAKING)
             }
+            Step::Release if !self.is_started => Ending::Braking(BRAKING),
             Step::Release | Step::Travel | Step::Delay | Step::StopDistance => {
                 Ending::Supervised(STOPPING)
             }
@@ -327,8 +349,8 @@ impl Sequence {
 
     fn end(&mut self, ending: Ending, now: &Now, elapsed: f64) -> Action {
         let (outgoing, next) = match ending {
-            // an enabled drive brakes with its torque; one that was not enabled stays so
-            Ending::Braking(left) if left > 0.0 && self.motor != 0.0 => {
+            // an enabled drive brakes with its torque; one that is not enabled any more stays so
+            Ending::Braking(left) if left > 0.0 && self.motor != 0.0 && self.may_brake() => {
                 (self.held(true), Ending::Braking(left - elapsed))
             }
             Ending::Supervised(left) if left > 0.0 => {
@@ -345,8 +367,49 @@ impl Sequence {
         Action::Send(outgoing)
     }
 
+    /// Whether the drives may be commanded to brake: they are enabled, or the machine reports no state.
+    fn may_brake(&self) -> bool {
+        matches!(self.status(), None | Some(MachineStatus::Enabled))
+    }
+
+    /// Whether the operator has started the motion of this step. The operator is asked for it until then, and the
+    /// drives have no torque.
+    fn has_started(&mut self, now: &Now, prompt: Prompt) -> Result<bool, Finding> {
+        if self.is_started {
+            return Ok(true);
+        }
+        if self.prompt != Some(prompt) {
+            self.prompt = Some(prompt);
+            self.time = 0.0;
+        }
+        if now.is_confirmed && self.time >= READING {
+            self.prompt = None;
+            self.is_started = true;
+            self.time = 0.0;
+            return Ok(true);
+        }
+        match self.time > self.settings.starting {
+            true => Err(Finding::NotStarted(self.settings.starting)),
+            false => Ok(false),
+        }
+    }
+
+    /// Whether the load is held by its valve, and the supervisor does not command yet.
+    fn is_held(&self) -> bool {
+        match self.step {
+            Step::Release => !self.is_started,
+            step => step.place() < Step::Release.place(),
+        }
+    }
+
     fn begin_phase(&mut self, phase: u8) {
         (self.phase, self.time) = (phase, 0.0);
+    }
+
+    /// Measurements that were lost until now are none of the supervisor's.
+    fn forget_losses(&mut self) {
+        let link = self.seen.and_then(|seen| seen.link);
+        self.lost = link.map_or(self.lost, |link| link.lost);
     }
 
     /// Takes the machine's data in.
@@ -363,9 +426,10 @@ impl Sequence {
             self.seen = Some(incoming);
         }
         let Some(incoming) = newest else { return };
-        self.age = 0.0;
         let values = incoming.measurement.axes[0].signals.to_array();
-        let share = (elapsed / SMOOTHING).min(1.0);
+        // the value before a long silence is of no use
+        let share = (self.age / SMOOTHING).min(1.0);
+        self.age = 0.0;
         for (smooth, value) in self.smooth.iter_mut().zip(values) {
             *smooth = if smooth.is_finite() { *smooth + share * (value - *smooth) } else { value };
         }
@@ -378,7 +442,7 @@ impl Sequence {
         self.volume += values[MOTOR] * elapsed * gain * self.limits.flow.displacement;
     }
 
-    /// Checks that hold in each period of every step.
+    /// Checks of every step: those of the measurement in each period in which it has to arrive, or arrives.
     fn judge(&self) -> Result<(), Finding> {
         let Some(seen) = self.seen else {
             return match self.time > self.settings.ready {
@@ -386,25 +450,27 @@ impl Sequence {
                 false => Ok(()),
             };
         };
-        if self.may_be_silent {
-            return Ok(());
-        }
-        if self.age.is_nan() || self.age > self.limits.stale {
-            return Err(Finding::Silent(self.age));
+        match self.may_be_silent {
+            true if self.new_readings == 0 => return Ok(()),
+            false if self.age.is_nan() || self.age > self.limits.stale => {
+                return Err(Finding::Silent(self.age));
+            }
+            _ => {}
         }
         self.judge_signals(&seen)?;
         if let (false, Some(MachineStatus::Fault { code })) = (self.may_have_fault, seen.status) {
             return Err(Finding::MachineFault(code));
         }
-        let is_held = self.step.place() < Step::Release.place();
-        // from the release on this is the supervisor's
-        if is_held && seen.link.is_some_and(|link| link.commands_lost) {
+        let is_held = self.is_held();
+        // from the release on this is the supervisor's; while commands are withheld, none is to arrive
+        let has_to_arrive = is_held && !self.may_be_silent;
+        if has_to_arrive && seen.link.is_some_and(|link| link.commands_lost) {
             return Err(Finding::CommandsLate);
         }
         let stroke = seen.measurement.axes[0].signals.stroke;
         let allowed = match self.step {
-            Step::Release => self.settings.release_movement,
             _ if is_held => self.settings.held_movement.min(self.limits.creep),
+            Step::Release => self.settings.release_movement,
             _ => {
                 self.settings.release_movement
                     + self.settings.travel
@@ -453,7 +519,7 @@ impl Sequence {
             Step::Listening => self.listen(),
             Step::StopCircuit => self.see_stop_circuit(now),
             Step::Watchdog => self.try_watchdog(now, elapsed),
-            Step::Polarity => self.find_polarity(elapsed),
+            Step::Polarity => self.find_polarity(now, elapsed),
             Step::Release => self.release(now),
             Step::Travel => self.travel(now),
             Step::Delay => self.judge_delay(now),

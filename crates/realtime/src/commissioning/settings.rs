@@ -11,10 +11,12 @@ pub struct Settings {
     pub listening: f64,
     /// Time that a machine has to become ready, or to enable its drives \[s\], 1 to 60.
     pub ready: f64,
-    /// Time that a person has to open the stop circuit \[s\], 10 to 600.
+    /// Time that the operator has to open the stop circuit \[s\], 10 to 600.
     pub opening: f64,
-    /// Time that a person has to close it, and to reset the machine \[s\], 10 to 3600.
+    /// Time that the operator has to close it, and to reset the machine \[s\], 10 to 3600.
     pub resetting: f64,
+    /// Time that the operator has to start a motion \[s\], 2 to 3600.
+    pub starting: f64,
     /// Largest movement of the piston while the valve is shut \[m\], 0.2 to 2 mm. The supervisor's own limit of a held
     /// load applies where it is smaller.
     pub held_movement: f64,
@@ -29,12 +31,12 @@ pub struct Settings {
     pub pressure_rise: f64,
     /// Least excess of the load's pressure over the pump side's in the slow turn, so that no oil passes the valve
     /// \[Pa\], 5 to 50 bar.
-    pub pressure_room: f64,
+    pub pressure_margin: f64,
     /// Time for the pump side to drain where that difference is missing \[s\], 0 to 120.
     pub draining: f64,
     /// Duration of the slow turn \[s\], 1 to 60.
     pub polarity: f64,
-    /// Largest movement in the release \[m\], 1 to 10 mm.
+    /// Movement of the load at which the release stops \[m\], 1 to 10 mm.
     pub release_movement: f64,
     /// Distance of the travel \[m\], 2 to 20 mm.
     pub travel: f64,
@@ -58,12 +60,13 @@ impl Default for Settings {
             ready: 10.0,
             opening: 120.0,
             resetting: 600.0,
+            starting: 600.0,
             held_movement: 1e-3,
             turning: 1.0,
             speed_tolerance: 0.2,
             watchdog_margin: 0.05,
             pressure_rise: 5e5,
-            pressure_room: 10e5,
+            pressure_margin: 10e5,
             draining: 30.0,
             polarity: 20.0,
             release_movement: 3e-3,

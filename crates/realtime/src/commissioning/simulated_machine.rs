@@ -14,7 +14,7 @@ use hydroboom_virtual_crane::VirtualCrane;
 const STOP_CIRCUIT: u16 = 6;
 /// Load held, motor at zero.
 const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
-/// Time that the simulated person takes to follow a prompt \[s\].
+/// Time that the simulated operator takes to follow a prompt \[s\].
 const REACTION: f64 = 0.5;
 
 /// Mistakes of wiring and set-up that commissioning is to find; the default has none.
@@ -28,8 +28,8 @@ pub struct Mistakes {
     pub is_position_reversed: bool,
     /// Scale of the position about its value at the begin.
     pub position_scale: f64,
-    /// Two signals that are exchanged, by their places.
-    pub exchanged: Option<(usize, usize)>,
+    /// Two signals that are swapped, by their places.
+    pub swapped: Option<(usize, usize)>,
     /// A signal that is not a number.
     pub not_a_number: Option<usize>,
     /// Whether the stop circuit does nothing.
@@ -45,7 +45,7 @@ impl Default for Mistakes {
             motor_reading: 1.0,
             is_position_reversed: false,
             position_scale: 1.0,
-            exchanged: None,
+            swapped: None,
             not_a_number: None,
             is_stop_circuit_stuck: false,
             is_watchdog_off: false,
@@ -135,7 +135,7 @@ impl SimulatedMachine {
         self.crane.advance(&AxisCommand { motor_speed, ..command })
     }
 
-    /// A simulated person follows the prompt; returns whether the person confirms it.
+    /// The simulated operator follows the prompt; returns whether the operator confirms it.
     pub fn answer(&mut self, prompt: Option<Prompt>) -> bool {
         let Some(prompt) = prompt else {
             self.asked = 0.0;
@@ -147,9 +147,10 @@ impl SimulatedMachine {
         }
         match prompt {
             Prompt::OpenStopCircuit => self.is_stop_open = true,
-            Prompt::CloseStopCircuit | Prompt::ResetAfterWatchdog => {
+            Prompt::CloseStopCircuit | Prompt::ResetAfterWatchdog | Prompt::ResetAgain => {
                 (self.is_stop_open, self.fault, self.asked) = (false, 0, 0.0);
             }
+            Prompt::StartWatchdog | Prompt::StartPolarity | Prompt::StartRelease => {}
         }
         prompt.is_confirmed()
     }
@@ -163,7 +164,7 @@ impl SimulatedMachine {
         }
         signals.motor_speed *= m.motor_reading;
         let mut values = signals.to_array();
-        if let Some((one, other)) = m.exchanged
+        if let Some((one, other)) = m.swapped
             && one.max(other) < values.len()
         {
             values.swap(one, other);

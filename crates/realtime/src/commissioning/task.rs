@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Longest run in simulated time \[s\].
 const LONGEST: f64 = 1800.0;
 
-/// Inputs of the person at the machine, as atomics that any thread may set.
+/// Inputs of the operator at the machine, as atomics that any thread may set.
 #[derive(Debug, Default)]
 pub struct Person {
     confirmed: AtomicBool,
@@ -40,26 +40,32 @@ impl Person {
     pub fn end(&self) {
         self.ended.store(true, Ordering::Release);
     }
+
+    /// Whether the sequence is to end.
+    pub fn is_ended(&self) -> bool {
+        self.ended.load(Ordering::Acquire)
+    }
 }
 
-/// Event of a running sequence, for the person.
+/// Event of a running sequence, for the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Told {
     /// A step begins.
     Step(Step),
-    /// A prompt begins.
-    Prompt(Prompt),
+    /// A prompt begins, with the code of the fault that the machine reports; none where it reports no fault.
+    Prompt(Prompt, Option<u16>),
 }
 
-/// Present step and prompt of the sequence, as atomics: their indices.
+/// Present step and prompt of the sequence, as atomics: their indices; and the machine's code.
 #[derive(Debug)]
 struct Shown {
     step: AtomicUsize,
     prompt: AtomicUsize,
+    code: AtomicUsize,
     is_over: AtomicBool,
 }
 
-/// Index for no prompt.
+/// Index for no prompt, and code for no fault.
 const NOTHING: usize = usize::MAX;
 
 /// Index of a prompt in [`Prompt::ALL`].
@@ -84,6 +90,7 @@ pub fn run(
     let shown = Shown {
         step: AtomicUsize::new(sequence.step().place()),
         prompt: AtomicUsize::new(NOTHING),
+        code: AtomicUsize::new(NOTHING),
         is_over: AtomicBool::new(false),
     };
     hand_panics_on();
@@ -111,7 +118,8 @@ pub fn run(
             step = now;
             let asked = shown.prompt.load(Ordering::Acquire);
             if let Some(asked) = Prompt::ALL.get(asked).filter(|_| asked != prompt) {
-                tell(Told::Prompt(*asked));
+                let code = u16::try_from(shown.code.load(Ordering::Acquire)).ok();
+                tell(Told::Prompt(*asked, code));
             }
             prompt = asked;
             thread::sleep(LOOK);
@@ -147,11 +155,14 @@ fn steer(
             incoming: machine.read(),
             missed: u32::try_from(missed).unwrap_or(u32::MAX),
             is_confirmed,
-            is_ended: person.ended.load(Ordering::Acquire),
+            is_ended: person.is_ended(),
         });
         number += 1;
         act(machine, number, action);
         shown.step.store(sequence.step().place(), Ordering::Release);
+        // before the prompt that names it
+        let code = sequence.machine_code().map_or(NOTHING, usize::from);
+        shown.code.store(code, Ordering::Release);
         shown.prompt.store(place(sequence.prompt()), Ordering::Release);
         last = if sequence.is_over() { last + 1 } else { 0 };
     }
@@ -169,8 +180,8 @@ fn act(machine: &mut dyn Machine, number: u64, action: Action) {
     }
 }
 
-/// Runs a sequence with the virtual crane, whose stop circuit a simulated person opens; `see` is called
-/// after each period. At the rate of the clock where `is_paced`, else as fast as possible.
+/// Runs a sequence with the virtual crane, whose stop circuit a simulated operator opens; `see` is called
+/// after each period. In real time where `is_paced`, else as fast as possible.
 ///
 /// # Errors
 ///
@@ -192,7 +203,7 @@ pub fn run_simulated(
             incoming: machine.read(),
             missed: 0,
             is_confirmed,
-            is_ended: person.ended.load(Ordering::Acquire),
+            is_ended: person.is_ended(),
         });
         number += 1;
         act(machine, number, action);

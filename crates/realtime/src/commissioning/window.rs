@@ -1,4 +1,4 @@
-//! Mean, scatter and drift of a signal over a window.
+//! Mean, deviation and drift of a signal over a window.
 
 /// Sums of a signal over a window, counted from its first value so that they stay small.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -8,7 +8,7 @@ pub struct Window {
     sum: f64,
     squares: f64,
     /// Sum of value times place: the slope follows from it.
-    moment: f64,
+    weighted_sum: f64,
 }
 
 impl Window {
@@ -18,7 +18,7 @@ impl Window {
             self.origin = value;
         }
         let off = value - self.origin;
-        self.moment += self.count * off;
+        self.weighted_sum += self.count * off;
         self.count += 1.0;
         self.sum += off;
         self.squares += off * off;
@@ -41,7 +41,7 @@ impl Window {
     }
 
     /// Standard deviation about the straight line through all values; NaN below two values.
-    pub fn scatter(&self) -> f64 {
+    pub fn residual_deviation(&self) -> f64 {
         let (n, ramp) = (self.count, self.drift());
         let of_line = ramp * ramp * (n + 1.0) / (12.0 * (n - 1.0));
         (self.deviation().powi(2) - of_line).max(0.0).sqrt()
@@ -51,7 +51,7 @@ impl Window {
     pub fn drift(&self) -> f64 {
         let n = self.count;
         let spread = n * (n * n - 1.0) / 12.0;
-        (n - 1.0) * (self.moment - 0.5 * (n - 1.0) * self.sum) / spread
+        (n - 1.0) * (self.weighted_sum - 0.5 * (n - 1.0) * self.sum) / spread
     }
 }
 
@@ -68,7 +68,8 @@ mod tests {
         (0..1000).for_each(|k| alternating.add(if k % 2 == 0 { 1.0 } else { -1.0 }));
         assert!((alternating.deviation() - 1.0).abs() < 1e-12);
         assert!(alternating.drift().abs() < 0.01);
-        assert!((alternating.scatter() - 1.0).abs() < 1e-3 && ramp.scatter() < 1e-6);
+        assert!((alternating.residual_deviation() - 1.0).abs() < 1e-3);
+        assert!(ramp.residual_deviation() < 1e-6);
         assert!(Window::default().mean().is_nan() && Window::default().drift().is_nan());
     }
 }

@@ -1,6 +1,7 @@
 //! Commissioning of the virtual crane in simulated time. Judged on the true piston: whatever mistake the machine has,
 //! the step that is to find it fails, and the piston stays within the step's bound.
 
+use hydroboom_control::supervision::limits::MachineStatus;
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_realtime::commissioning::finding::{Finding, Outcome, Reason};
@@ -8,9 +9,9 @@ use hydroboom_realtime::commissioning::record::{self, Basis};
 use hydroboom_realtime::commissioning::sequence::{Action, Now, Sequence};
 use hydroboom_realtime::commissioning::settings::Settings;
 use hydroboom_realtime::commissioning::simulated_machine::{Mistakes, SimulatedMachine};
-use hydroboom_realtime::commissioning::step::Step;
+use hydroboom_realtime::commissioning::step::{Prompt, Step};
 use hydroboom_realtime::commissioning::task::{Person, run_simulated};
-use hydroboom_realtime::machine::{Link, Machine};
+use hydroboom_realtime::machine::{Incoming, Link, Machine};
 
 /// A sequence at its end, with the largest true way of the piston in each step [m].
 struct Ran {
@@ -105,20 +106,20 @@ fn each_mistake_fails_in_its_step_and_nothing_moves_before_the_release() {
             matches!(f, Finding::MotorReversed(_))
         }),
         (
-            "p_PA and p_A exchanged",
-            Mistakes { exchanged: Some((1, 2)), ..sound },
+            "p_PA and p_A swapped",
+            Mistakes { swapped: Some((1, 2)), ..sound },
             Step::Listening,
             |f| matches!(f, Finding::LoadPressure(_) | Finding::PumpAboveLoad(_)),
         ),
         (
-            "p_A and p_B exchanged",
-            Mistakes { exchanged: Some((2, 3)), ..sound },
+            "p_A and p_B swapped",
+            Mistakes { swapped: Some((2, 3)), ..sound },
             Step::Listening,
             |f| matches!(f, Finding::LoadPressure(_)),
         ),
         (
-            "p_PA and p_PB exchanged",
-            Mistakes { exchanged: Some((1, 4)), ..sound },
+            "p_PA and p_PB swapped",
+            Mistakes { swapped: Some((1, 4)), ..sound },
             Step::Polarity,
             |f| matches!(f, Finding::NoRise(_) | Finding::OtherSideRose(_)),
         ),
@@ -179,10 +180,13 @@ fn a_position_with_a_wrong_sign_is_found_by_the_release_and_a_wrong_scale_by_the
 }
 
 #[test]
-fn without_room_below_the_load_the_polarity_is_skipped_and_said() {
-    let ran = run_with(Mistakes::default(), |s| (s.pressure_room, s.draining) = (500e5, 0.5));
+fn without_a_pressure_margin_below_the_load_the_polarity_is_skipped_with_the_reason() {
+    let ran = run_with(Mistakes::default(), |s| (s.pressure_margin, s.draining) = (500e5, 0.5));
     let outcome = ran.sequence.outcomes()[Step::Polarity.place()];
-    assert!(matches!(outcome, Some(Outcome::Skipped(Reason::NoRoom(_)))), "{outcome:?}");
+    assert!(
+        matches!(outcome, Some(Outcome::Skipped(Reason::PressureMarginTooSmall(_)))),
+        "{outcome:?}"
+    );
     assert!(ran.sequence.has_passed());
 }
 
@@ -208,6 +212,14 @@ fn the_record_is_valid_for_what_was_commissioned_only() {
     // of a simulated machine it is no record of a real one
     let real = Basis { is_simulated: false, ..basis.clone() };
     assert!(record::check(&path, &real).unwrap_err().to_string().contains("real"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (_, after) = text.split_once("pressure_rise_bar = ").unwrap();
+    let value = after.lines().next().unwrap();
+    let found = format!("pressure_rise_bar = {value}");
+    assert_eq!(text.matches(&found).count(), 1);
+    std::fs::write(&path, text.replace(&found, "pressure_rise_bar = 42.0")).unwrap();
+    let said = record::check(&path, &basis).unwrap_err().to_string();
+    assert!(said.contains("changed after it was written"), "{said}");
     let failed = run(Mistakes { is_watchdog_off: true, ..Mistakes::default() });
     std::fs::write(&path, record::text(&basis, "virtual", "", &failed.sequence)).unwrap();
     let said = record::check(&path, &basis).unwrap_err().to_string();
@@ -226,7 +238,8 @@ fn a_person_ends_it_at_once_and_the_load_is_held() {
         let person = Person::default();
         let mut periods = 0;
         run_simulated(&mut sequence, &mut machine, false, &person, &mut |sequence, _| {
-            periods += u32::from(sequence.step() == at);
+            let is_started = sequence.prompt().is_none();
+            periods += u32::from(is_started && sequence.step() == at);
             if periods == 200 {
                 person.end();
             }
@@ -240,42 +253,213 @@ fn a_person_ends_it_at_once_and_the_load_is_held() {
     }
 }
 
-#[test]
-fn commands_that_the_connection_misses_are_named_and_not_blamed_on_the_drive() {
+/// A sequence, its machine and the periods since the last reset; none before it.
+struct Driven {
+    sequence: Sequence,
+    machine: SimulatedMachine,
+    since_reset: Option<u32>,
+    /// Periods for which the present prompt has been shown.
+    asked: u32,
+    /// Whether the last command turned the motor, and whether it was followed by none.
+    is_turning: bool,
+    is_withheld: bool,
+}
+
+/// Runs a sequence until it is over. `see` may change the measurement of a period, and decides whether the prompt is
+/// confirmed in it; none leaves that to the simulated operator.
+fn drive(
+    change: impl Fn(&mut Settings),
+    mut see: impl FnMut(&Driven, &mut Incoming) -> Option<bool>,
+) -> Driven {
     let model = Description::uia_single_boom().unwrap();
-    let settings = Settings { listening: 0.5, ..Settings::default() };
-    let mut sequence = Sequence::new(limits(&model, model.numbers.slow).unwrap(), settings, true);
+    let mut settings = Settings { listening: 0.5, ..Settings::default() };
+    change(&mut settings);
+    let limits = limits(&model, model.numbers.slow).unwrap();
     let crane = Description::uia_virtual().unwrap();
-    let mut machine = SimulatedMachine::new(&crane, Mistakes::default()).unwrap();
-    let mut turning = 0;
+    let mut driven = Driven {
+        sequence: Sequence::new(limits, settings, true),
+        machine: SimulatedMachine::new(&crane, Mistakes::default()).unwrap(),
+        since_reset: None,
+        asked: 0,
+        is_turning: false,
+        is_withheld: false,
+    };
+    let elapsed = driven.machine.crane().period();
     for number in 1..60_000 {
-        let is_confirmed = machine.answer(sequence.prompt());
-        let mut incoming = machine.read();
-        // the connection stops the motor in the middle of the slow turn, and reports that
-        let commands_lost = turning > 50;
-        if let Some(incoming) = incoming.as_mut().filter(|_| commands_lost) {
-            incoming.link = Some(Link { commands_lost, ..Link::default() });
-        }
-        let elapsed = machine.crane().period();
-        match sequence.period(&Now { elapsed, incoming, missed: 0, is_confirmed, is_ended: false })
-        {
-            Action::Send(outgoing) => {
-                let turns = outgoing.command.axes[0].motor_speed != 0.0;
-                turning += u32::from(turns && sequence.step() == Step::Polarity);
-                machine.write(number, &outgoing);
-            }
-            Action::Withhold => machine.withhold(),
+        let is_answered = driven.machine.answer(driven.sequence.prompt());
+        let mut incoming = driven.machine.read().unwrap();
+        let is_confirmed = see(&driven, &mut incoming).unwrap_or(is_answered);
+        let now =
+            Now { elapsed, incoming: Some(incoming), missed: 0, is_confirmed, is_ended: false };
+        let prompt = driven.sequence.prompt();
+        driven.since_reset = driven.since_reset.map(|periods| periods + 1);
+        let sent = match driven.sequence.period(&now) {
+            Action::Send(outgoing) => Some(outgoing),
+            Action::Withhold => None,
             Action::Reset(outgoing) => {
-                machine.reset_by_a_person();
-                machine.write(number, &outgoing);
+                driven.since_reset = Some(0);
+                driven.machine.reset_by_a_person();
+                Some(outgoing)
             }
+        };
+        driven.asked = if driven.sequence.prompt() == prompt { driven.asked + 1 } else { 0 };
+        driven.is_withheld = sent.is_none();
+        match sent {
+            Some(outgoing) => {
+                driven.is_turning = outgoing.command.axes[0].motor_speed != 0.0;
+                driven.machine.write(number, &outgoing);
+            }
+            None => driven.machine.withhold(),
         }
-        machine.advance().unwrap();
-        if sequence.is_over() {
+        driven.machine.advance().unwrap();
+        if driven.sequence.is_over() {
             break;
         }
     }
-    let failed = sequence.outcomes()[Step::Polarity.place()];
+    driven
+}
+
+#[test]
+fn commands_that_the_connection_misses_are_named_and_not_blamed_on_the_drive() {
+    let mut turning = 0;
+    let driven = drive(
+        |_| (),
+        |driven, incoming| {
+            let is_polarity = driven.sequence.step() == Step::Polarity;
+            turning += u32::from(is_polarity && driven.is_turning);
+            // the connection stops the motor in the middle of the slow turn, and reports that
+            if turning > 50 {
+                incoming.link = Some(Link { commands_lost: true, ..Link::default() });
+            }
+            None
+        },
+    );
+    let failed = driven.sequence.outcomes()[Step::Polarity.place()];
     assert_eq!(failed, Some(Outcome::Failed(Finding::CommandsLate)));
-    assert!(machine.moved().abs() < 0.2e-3);
+    assert!(driven.machine.moved().abs() < 0.2e-3);
+}
+
+#[test]
+fn a_wrong_factor_of_the_motors_command_is_found_within_a_few_periods() {
+    let model = Description::uia_single_boom().unwrap();
+    let settings = Settings { listening: 0.5, ..Settings::default() };
+    let limits = limits(&model, model.numbers.slow).unwrap();
+    let allowed = (1.0 + settings.speed_tolerance) * limits.release.slow;
+    let mut sequence = Sequence::new(limits, settings, true);
+    let crane = Description::uia_virtual().unwrap();
+    let mistakes = Mistakes { motor: 60.0, ..Mistakes::default() };
+    let mut machine = SimulatedMachine::new(&crane, mistakes).unwrap();
+    let (mut too_fast, mut moved) = (0, 0.0_f64);
+    let person = Person::default();
+    run_simulated(&mut sequence, &mut machine, false, &person, &mut |sequence, machine| {
+        let is_running = sequence.outcomes()[Step::Watchdog.place()].is_none();
+        let speed = machine.crane().truth().motor_speed.abs();
+        too_fast += u32::from(is_running && speed > allowed);
+        moved = moved.max(machine.moved().abs());
+    })
+    .unwrap();
+    let failed = sequence.outcomes()[Step::Watchdog.place()];
+    assert!(matches!(failed, Some(Outcome::Failed(Finding::MotorDoesNotFollow(_)))), "{failed:?}");
+    // a measurement is a period of the fieldbus old
+    assert!((1..=4).contains(&too_fast), "{too_fast} periods above {allowed} rev/s");
+    (0..300).for_each(|_| machine.advance().unwrap());
+    assert!(moved.max(machine.moved().abs()) < 0.2e-3, "{moved} m");
+    assert!(machine.crane().truth().motor_speed.abs() < 1e-3);
+}
+
+#[test]
+fn a_reset_starts_no_motion_and_neither_does_its_second_enter() {
+    let mut turned = 0;
+    let driven = drive(
+        |s| s.starting = 2.0,
+        |driven, _| {
+            turned += u32::from(driven.is_turning);
+            // the operator resets, presses Enter again, and starts nothing
+            match driven.since_reset {
+                None => None,
+                Some(periods) => {
+                    let is_asked = driven.sequence.prompt().is_some_and(Prompt::is_confirmed);
+                    Some(is_asked && periods < 500)
+                }
+            }
+        },
+    );
+    let failed = driven.sequence.outcomes()[Step::Watchdog.place()];
+    assert_eq!(failed, Some(Outcome::Failed(Finding::NotStarted(2.0))));
+    assert_eq!(turned, 0, "the motor was commanded after a reset");
+    assert!(driven.machine.moved().abs() < 0.2e-3);
+}
+
+#[test]
+fn each_motion_with_the_valve_shut_and_the_release_are_started_by_the_operator() {
+    let mut asked = Vec::new();
+    let driven = drive(
+        |_| (),
+        |driven, _| {
+            let prompt = driven.sequence.prompt();
+            assert!(prompt.is_none() || !driven.is_turning, "{prompt:?} while the motor turns");
+            if let Some(prompt) = prompt
+                && !asked.contains(&prompt)
+            {
+                asked.push(prompt);
+            }
+            None
+        },
+    );
+    assert!(driven.sequence.has_passed());
+    for start in [Prompt::StartWatchdog, Prompt::StartPolarity, Prompt::StartRelease] {
+        assert!(asked.contains(&start), "{start:?}: {asked:?}");
+    }
+}
+
+#[test]
+fn measurements_are_checked_while_a_reset_is_awaited_and_while_commands_are_withheld() {
+    let move_it = |incoming: &mut Incoming| incoming.measurement.axes[0].signals.stroke += 2e-3;
+    let awaiting = drive(
+        |_| (),
+        |driven, incoming| {
+            let is_asked = driven.sequence.prompt() == Some(Prompt::CloseStopCircuit);
+            if is_asked && driven.asked > 10 {
+                move_it(incoming);
+            }
+            is_asked.then_some(false)
+        },
+    );
+    let withheld = drive(
+        |_| (),
+        |driven, incoming| {
+            if driven.is_withheld {
+                move_it(incoming);
+            }
+            None
+        },
+    );
+    for (driven, step) in [(awaiting, Step::StopCircuit), (withheld, Step::Watchdog)] {
+        let failed = driven.sequence.outcomes()[step.place()];
+        assert!(matches!(failed, Some(Outcome::Failed(Finding::Moved(_)))), "{failed:?}");
+    }
+}
+
+#[test]
+fn an_opening_that_the_machine_does_not_explain_is_shown_to_the_operator_with_its_code() {
+    let mut shown = None;
+    let driven = drive(
+        |s| s.resetting = 2.0,
+        |driven, incoming| {
+            if driven.sequence.prompt() == Some(Prompt::CloseStopCircuit) {
+                shown = shown.or(driven.sequence.machine_code());
+                // the operator does not confirm that the emergency stop was the cause
+                return Some(false);
+            }
+            if incoming.status == Some(MachineStatus::Fault { code: 6 }) {
+                incoming.status = Some(MachineStatus::Fault { code: 5 });
+            }
+            None
+        },
+    );
+    assert_eq!(shown, Some(5));
+    let text = Prompt::CloseStopCircuit.text(shown);
+    assert!(text.contains("fault code 5") && text.contains("Was the emergency stop the cause?"));
+    let failed = driven.sequence.outcomes()[Step::StopCircuit.place()];
+    assert!(matches!(failed, Some(Outcome::Failed(Finding::NotReset(_)))), "{failed:?}");
 }

@@ -1,8 +1,8 @@
-//! Steps with the load-holding valve shut: nothing moves.
+//! Steps with the load-holding valve shut: the load must not move.
 
 use super::{Action, MOTOR, Next, Now, SIGNALS, STROKE, Sequence};
 use crate::commissioning::finding::{Finding, Reason};
-use crate::commissioning::step::{Prompt, Step};
+use crate::commissioning::step::Prompt;
 use crate::commissioning::window::Window;
 use crate::machine::Outgoing;
 use hydroboom_control::supervision::limits::MachineStatus;
@@ -70,7 +70,8 @@ impl Sequence {
     /// Checks whether the measurements at rest are plausible.
     fn judge_rest(&mut self) -> Result<(), Finding> {
         let l = &self.limits;
-        let (rest, noise) = (self.windows.map(|w| w.mean()), self.windows.map(|w| w.scatter()));
+        let (rest, noise) =
+            (self.windows.map(|w| w.mean()), self.windows.map(|w| w.residual_deviation()));
         (self.quantities.rest, self.quantities.noise) = (rest, noise);
         for (signal, (window, scatter)) in self.windows.iter().zip(noise).enumerate() {
             let allowed = if signal == STROKE { l.scatter.0 } else { l.scatter.1 };
@@ -121,8 +122,12 @@ impl Sequence {
         Ok(())
     }
 
-    /// A person opens the stop circuit, and the machine has to report it.
+    /// The operator opens the stop circuit, and the machine has to report that its drives are off. Whether the stop
+    /// circuit was the cause, the operator confirms: a machine's codes are its own.
     pub(super) fn see_stop_circuit(&mut self, now: &Now) -> Result<Next, Finding> {
+        if self.phase < 2 && self.smooth[MOTOR].abs() > self.limits.drive.uncommanded {
+            return Err(Finding::Turns(self.smooth[MOTOR]));
+        }
         match self.phase {
             0 => {
                 if self.status().is_none() {
@@ -137,22 +142,39 @@ impl Sequence {
             }
             1 => {
                 if self.status() != Some(MachineStatus::Enabled) {
-                    self.quantities.stop_circuit_code = match self.status() {
-                        Some(MachineStatus::Fault { code }) => f64::from(code),
-                        _ => 0.0,
-                    };
                     self.begin_phase(2);
-                    self.prompt = Some(Prompt::CloseStopCircuit);
                 } else if self.time > self.settings.opening {
                     return Err(Finding::StopCircuitNotSeen(self.settings.opening));
                 }
                 Ok(Next::Go(Action::Send(self.held(true))))
             }
+            2 => {
+                // a machine that goes into a fault reports its code within a few periods
+                if self.time < STEADY {
+                    return Ok(Next::Go(Action::Send(self.held(true))));
+                }
+                let code = match self.status() {
+                    Some(MachineStatus::Fault { code }) => f64::from(code),
+                    Some(MachineStatus::Ready) => 0.0,
+                    Some(MachineStatus::Enabled) => {
+                        // it was enabled again by itself: the stop circuit was not open
+                        self.begin_phase(1);
+                        return Ok(Next::Go(Action::Send(self.held(true))));
+                    }
+                    None | Some(MachineStatus::Absent | MachineStatus::Starting) => {
+                        return Err(Finding::NotEnabled);
+                    }
+                };
+                self.quantities.stop_circuit_code = code;
+                self.begin_phase(3);
+                self.prompt = Some(Prompt::CloseStopCircuit);
+                Ok(Next::Go(Action::Send(Outgoing::SAFE)))
+            }
             _ => self.wait_for_reset(now),
         }
     }
 
-    /// Drives without torque until a person has confirmed and the machine is ready.
+    /// Drives without torque until the operator has confirmed and the machine is ready.
     fn wait_for_reset(&mut self, now: &Now) -> Result<Next, Finding> {
         // no measurements arrive while a bus restarts
         self.may_be_silent = true;
@@ -162,15 +184,12 @@ impl Sequence {
         }
         let has_fault = matches!(self.status(), Some(MachineStatus::Fault { .. }));
         if self.prompt.is_none() && has_fault && self.time > AGAIN {
-            // a second fault behind the one that was reset needs a person, too
-            self.prompt = Some(match self.step {
-                Step::StopCircuit => Prompt::CloseStopCircuit,
-                _ => Prompt::ResetAfterWatchdog,
-            });
+            // a second fault behind the one that was reset needs the operator, too
+            self.prompt = Some(Prompt::ResetAgain);
         }
         let is_ready = matches!(self.status(), None | Some(MachineStatus::Ready));
         let is_there = self.age <= self.limits.stale;
-        if self.prompt.is_none() && is_ready && is_there {
+        if self.prompt.is_none() && is_ready && is_there && self.unmeasured.is_none() {
             return Ok(Next::Passed);
         }
         match self.time > self.settings.resetting {
@@ -190,6 +209,14 @@ impl Sequence {
         self.half = [f64::NAN; 2];
     }
 
+    /// Whether the motor is faster than the tolerance of its slow speed, and than the noise of its signal at rest: a
+    /// wrong factor of the command is found within a few periods.
+    fn is_too_fast(&self, slow: f64) -> bool {
+        let noise = SIGNIFICANT * self.quantities.noise[MOTOR];
+        let allowed = (1.0 + self.settings.speed_tolerance) * slow.abs() + noise;
+        self.read_motor().abs() > allowed
+    }
+
     /// Ramps the motor to its slow speed; returns whether the smoothed speed signal has reached it.
     fn turn(&mut self) -> Result<bool, Finding> {
         self.stays_enabled()?;
@@ -201,6 +228,9 @@ impl Sequence {
             if half.is_nan() && speed / slow >= 0.5 {
                 *half = self.time;
             }
+        }
+        if self.is_too_fast(slow) {
+            return Err(Finding::MotorDoesNotFollow([self.read_motor(), self.motor]));
         }
         let is_near = (read / slow - 1.0).abs() <= self.settings.speed_tolerance;
         if is_near && self.motor == slow {
@@ -221,8 +251,12 @@ impl Sequence {
         let braking = slow.abs() / self.limits.motor_slew + self.limits.drive.response;
         let longest = self.limits.watchdog + braking + self.settings.watchdog_margin;
         let threshold = self.settings.speed_tolerance * slow.abs();
+        self.measure_stop(threshold, elapsed)?;
         match self.phase {
             0 => {
+                if !self.has_started(now, Prompt::StartWatchdog)? {
+                    return Ok(Next::Go(Action::Send(Outgoing::SAFE)));
+                }
                 if self.enabled()? {
                     self.begin_phase(1);
                     self.begin_turn();
@@ -250,28 +284,26 @@ impl Sequence {
                 if self.time <= longest {
                     return Ok(Next::Go(Action::Withhold));
                 }
-                // where measurements came meanwhile, they have to show the motor at rest; if not, the next one has to,
-                // whose speed was sampled before this command can have acted
+                // where measurements came meanwhile, they have to show the motor at rest; if not, the next one has to.
+                // On a bus whose devices have kept OP it was sampled before this command can have acted
                 let came = self.age <= self.limits.stale;
                 if came && self.read_motor().abs() > threshold {
                     return Err(Finding::NoWatchdog([self.read_motor(), self.time]));
                 }
+                self.unmeasured = if came { None } else { Some(self.time) };
                 self.motor = 0.0;
                 self.begin_phase(if came { 4 } else { 3 });
                 Ok(Next::Go(Action::Send(Outgoing::SAFE)))
             }
             3 => {
-                if self.new_readings > 0 {
-                    let speed = self.read_motor();
-                    if speed.is_nan() || speed.abs() > threshold {
-                        return Err(Finding::NoWatchdog([speed, longest + self.time]));
-                    }
+                if self.unmeasured.is_none() {
                     self.begin_phase(4);
                 } else if self.time > 2.0 * STEADY
                     && matches!(self.status(), Some(MachineStatus::Fault { .. }))
                 {
-                    // devices that left OP by their watchdogs send no measurements until the bus restarts; one without
-                    // a watchdog stays in OP, and is judged by its measurement
+                    // devices that left OP by their watchdogs take no outputs: working counters are wrong, and the bus
+                    // publishes no measurement until it restarts. The first one after it has to show the motor at rest.
+                    // A device without a watchdog stays in OP, and is judged by its measurement
                     self.begin_phase(5);
                     self.prompt = Some(Prompt::ResetAfterWatchdog);
                 } else if self.time > self.settings.ready {
@@ -294,24 +326,44 @@ impl Sequence {
         }
     }
 
+    /// After commands were withheld without a measurement, the first one has to show the motor at rest: its speed
+    /// within a threshold \[rev/s\].
+    fn measure_stop(&mut self, threshold: f64, elapsed: f64) -> Result<(), Finding> {
+        let Some(time) = self.unmeasured.map(|time| time + elapsed) else { return Ok(()) };
+        self.unmeasured = Some(time);
+        if self.new_readings > 0 {
+            let speed = self.read_motor();
+            if speed.is_nan() || speed.abs() > threshold {
+                return Err(Finding::NoWatchdog([speed, time]));
+            }
+            self.unmeasured = None;
+        }
+        Ok(())
+    }
+
     /// Newest measured motor speed \[rev/s\].
     fn read_motor(&self) -> f64 {
         self.seen.map_or(f64::NAN, |seen| seen.measurement.axes[0].signals.motor_speed)
     }
 
     /// A slow turn has to raise the pressure of the pump side that carries the load, and no other.
-    pub(super) fn find_polarity(&mut self, elapsed: f64) -> Result<Next, Finding> {
+    pub(super) fn find_polarity(&mut self, now: &Now, elapsed: f64) -> Result<Next, Finding> {
         let [noise, ..] = self.sides(&self.quantities.noise);
         let rise = self.settings.pressure_rise.max(SIGNIFICANT * noise);
         let [pump, load, other, _] = self.sides(&self.smooth);
-        let needed = rise + self.settings.pressure_room;
+        let needed = rise + self.settings.pressure_margin;
         match self.phase {
             // the pump side drains first
             0 => {
-                if load - pump > needed {
+                let has_margin = load - pump > needed;
+                if self.prompt.is_none() && !has_margin {
+                    return match self.time > self.settings.draining {
+                        true => Ok(Next::Skipped(Reason::PressureMarginTooSmall([pump, needed]))),
+                        false => Ok(Next::Go(Action::Send(Outgoing::SAFE))),
+                    };
+                }
+                if self.has_started(now, Prompt::StartPolarity)? {
                     self.begin_phase(1);
-                } else if self.time > self.settings.draining {
-                    return Ok(Next::Skipped(Reason::NoRoom([pump, needed])));
                 }
                 Ok(Next::Go(Action::Send(Outgoing::SAFE)))
             }
@@ -334,7 +386,7 @@ impl Sequence {
                     return Err(Finding::LoadRose([rises[0], rises[1]]));
                 } else if rises[2] >= rise {
                     return Err(Finding::OtherSideRose([rises[0], rises[2]]));
-                } else if load - pump < self.settings.pressure_room {
+                } else if load - pump < self.settings.pressure_margin {
                     return Err(Finding::LoadRose([rises[0], rises[1]]));
                 }
                 let volume = self.revolutions.abs() * self.limits.release.delivery;

@@ -2,6 +2,7 @@
 
 use super::{Action, Next, Now, STROKE, Sequence};
 use crate::commissioning::finding::Finding;
+use crate::commissioning::step::Prompt;
 use crate::commissioning::window::Window;
 use crate::machine::Outgoing;
 use hydroboom_control::supervision::fault::Cause;
@@ -22,6 +23,10 @@ impl Sequence {
 
     /// The pump takes the load over, and the valve opens.
     pub(super) fn release(&mut self, now: &Now) -> Result<Next, Finding> {
+        if !self.has_started(now, Prompt::StartRelease)? {
+            self.forget_losses();
+            return Ok(Next::Go(Action::Send(Outgoing::SAFE)));
+        }
         let request = match self.decision.state {
             State::Idle => Request::Enable,
             State::Ready => Request::Hold,
@@ -165,7 +170,7 @@ impl Sequence {
         if is_right { Ok(()) } else { Err(Finding::Scale([ratio, allowed])) }
     }
 
-    /// Delay as the attachment counts it; where it counts none, the motor's reaction is judged instead.
+    /// Delay as the machine's connection measures it; where it measures none, the motor's reaction is judged instead.
     pub(super) fn judge_delay(&mut self, now: &Now) -> Result<Next, Finding> {
         self.follow(now, 0.0)?;
         self.base = self.smooth[STROKE];
