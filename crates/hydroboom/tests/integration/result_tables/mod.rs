@@ -35,6 +35,22 @@ const WRITES: &str = "HYDROBOOM_WRITE_RESULT_TABLES";
 const COMMAND: &str =
     "HYDROBOOM_WRITE_RESULT_TABLES=1 cargo test -p hydroboom --test integration result_tables";
 
+/// Names of the months in dates.
+const MONTHS: [&str; 12] = [
+    "January",
+    "February",
+    "March",
+    "April",
+    "May",
+    "June",
+    "July",
+    "August",
+    "September",
+    "October",
+    "November",
+    "December",
+];
+
 /// Comment behind a table.
 const END: &str = "<!-- end of table -->";
 
@@ -172,6 +188,32 @@ fn every_table_between_comments_is_compared() {
     let names: BTreeSet<&str> =
         ALL.iter().flat_map(|results| results.tables.iter().map(|table| table.name)).collect();
     assert_eq!(names.len(), compared.len(), "two tables have one name");
+}
+
+/// Tables that are not compared have a line below them that says what wrote them.
+#[test]
+fn lines_below_tables_state_commit_and_date() {
+    let mut count = 0;
+    for (page, text) in documents() {
+        for line in text.split("\n\n").filter(|paragraph| paragraph.starts_with("Written by ")) {
+            let words: Vec<&str> = line
+                .split_whitespace()
+                .map(|word| word.trim_end_matches(['.', ',', ';']))
+                .collect();
+            let is_commit = |word: &&str| {
+                word.len() == 7 && word.bytes().all(|letter| letter.is_ascii_hexdigit())
+            };
+            let is_date = |date: &[&str]| {
+                let [day, month, year] = date else { return false };
+                let is_day = day.parse().is_ok_and(|day: u32| (1..=31).contains(&day));
+                is_day && MONTHS.contains(month) && year.parse::<u32>().is_ok()
+            };
+            assert!(words.iter().any(is_commit), "{page}: no commit in\n{line}");
+            assert!(words.windows(3).any(is_date), "{page}: no date in\n{line}");
+            count += 1;
+        }
+    }
+    assert!(count > 20, "{count} lines");
 }
 
 /// Comment before a table.
