@@ -55,10 +55,18 @@ pub fn rms_error(gain: f64) -> Result<f64, Box<dyn std::error::Error>> {
     Ok(f64::sqrt(sum / count))
 }
 
+/// Compared gains \[1/s\].
+pub const GAINS: [f64; 4] = [0.0, 0.5, 1.0, 2.0];
+
+/// Printed line of a gain \[1/s\] with its error \[m\].
+pub fn line(gain: f64, rms_error: f64) -> String {
+    format!("gain {gain} 1/s: true RMS error {:.2} mm\n", 1e3 * rms_error)
+}
+
 #[allow(dead_code, reason = "a test takes the rest of this file")]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    for gain in [0.0, 0.5, 1.0, 2.0] {
-        println!("gain {gain} 1/s: true RMS error {:.2} mm", 1e3 * rms_error(gain)?);
+    for gain in GAINS {
+        print!("{}", line(gain, rms_error(gain)?));
     }
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 use crate::support::command::{fails_with, files, folder, hydroboom, keys, parsed};
 use crate::support::short_crane::short_crane;
+use crate::support::study::study;
 use std::process::Command;
 
 #[test]
@@ -444,8 +445,7 @@ fn json_results_have_the_documented_names() {
         "modes",
     ];
     keys(&eigen["eigenfrequency"][0], &row);
-    let folder = folder("study");
-    let study = parsed(&["study", "--json", "--out", folder.to_str().unwrap()]);
+    let (study, folder) = study();
     keys(&study["eigenfrequency"][0], &row);
     let row = [
         "plant",

@@ -10,12 +10,13 @@ const LINE: usize = 120;
 /// Size of the first page: lines, and letters in a line.
 const README: (usize, usize) = (130, 160);
 
-fn root() -> PathBuf {
+/// Folder of the project.
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// Every document by its path from the root, with its text.
-fn documents() -> BTreeMap<String, String> {
+pub fn documents() -> BTreeMap<String, String> {
     let mut found: Vec<String> =
         ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"]
             .map(String::from)

@@ -12,6 +12,7 @@ mod files_out;
 mod json_schemas;
 mod local_machine;
 mod readings;
+mod result_tables;
 mod round_trips;
 mod running;
 mod support;
