@@ -2,6 +2,7 @@
 
 use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::{OutputFile, OutputFolder};
 use clap::Args;
@@ -34,7 +35,8 @@ type Payloads = [f64; 2];
 pub struct Design {
     #[command(flatten)]
     crane: CraneFile,
-    /// Number of virtual cranes for the distribution of the margins; the worst is named.
+    /// Number of virtual cranes for the distribution of the margins; the worst is named. They are drawn around the
+    /// virtual crane of the crane file, without --crane the paper's.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,
     /// Seed of the family.
@@ -79,8 +81,7 @@ impl Design {
         let at = |share: &f64| design_report(&crane, share * crane.numbers.stroke);
         let reports =
             POSITIONS.iter().map(at).collect::<Result<Vec<DesignReport>, _>>().into_diagnostic()?;
-        let family = self.family.map(|count| family_margins(&crane, count, self.seed));
-        let family = family.transpose().into_diagnostic()?;
+        let family = self.family.map(|count| self.family_of(&crane, count)).transpose()?;
         let loops = [
             benchmark_stability(&crane, None).into_diagnostic()?,
             scheduled_lqr_stability(&crane, None).into_diagnostic()?,
@@ -94,7 +95,9 @@ impl Design {
         if self.json {
             return output::json(&json!({
                 "crane": crane.name, "positions": reports, "stable": loops.iter().all(|of| of.stable),
-                "loops": loops, "unstable_on_ideal_equipment": on_ideal, "family": family,
+                "loops": loops, "unstable_on_ideal_equipment": on_ideal,
+                "family": family.as_ref().map(|(_, margins)| margins),
+                "plant": family.as_ref().map(|(choice, _)| choice.json()),
             }));
         }
         let mut text = format!(
@@ -121,10 +124,26 @@ impl Design {
         if let Some(remark) = remark_on_ideal_equipment(&on_ideal) {
             text += &format!("\n{remark}");
         }
-        if let Some(family) = &family {
-            text += &format!("\n\n{}", over_family(family));
+        if let Some((choice, family)) = &family {
+            text += &format!("\n\n{}", over_family(&choice.name(), family));
         }
         output::text(&text)
+    }
+
+    /// The crane that the family is drawn around, and the margins over the family.
+    ///
+    /// # Errors
+    ///
+    /// If a crane of the family cannot be built or linearised.
+    fn family_of(
+        &self,
+        crane: &Description,
+        count: u64,
+    ) -> Result<(MachineChoice, Vec<FamilyMargins>)> {
+        let choice = MachineChoice::of(crane.clone(), &self.crane, None)?;
+        let margins = family_margins(&choice.model, &choice.machine, (count, self.seed));
+        let margins = margins.into_diagnostic()?;
+        Ok((choice, margins))
     }
 
     /// Prints the observability of the estimator's states: reduction of each standard deviation by each phase.
@@ -178,8 +197,8 @@ fn modulus(distance: f64) -> String {
     output::optional(Some(distance).filter(|d| d.is_finite()), 2)
 }
 
-/// Table of the margins over a family, with its conditions.
-fn over_family(family: &[FamilyMargins]) -> String {
+/// Table of the margins over a family that is drawn around the named crane, with its conditions.
+fn over_family(nominal: &str, family: &[FamilyMargins]) -> String {
     let header = [
         "over the family",
         "unstable",
@@ -192,8 +211,8 @@ fn over_family(family: &[FamilyMargins]) -> String {
         "PM [deg]",
     ];
     format!(
-        "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out, with its own drive, \
-         fieldbus and sensors. The controllers know the model file and the weighed payload. PM, GM and d are those of the stable loops. \
+        "{}\nEvery crane of the family, drawn around \"{nominal}\", at three piston positions, linearised at rest as its pump begins to lift, \
+         friction left out, with its own drive, fieldbus and sensors. The controllers know the model file and the weighed payload. PM, GM and d are those of the stable loops. \
          Cranes are numbered from 0.",
         output::table(&header, &family.iter().map(over_family_row).collect::<Vec<_>>())
     )

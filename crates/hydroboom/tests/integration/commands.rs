@@ -216,6 +216,21 @@ fn a_given_crane_file_also_describes_the_machine() {
     assert!(std::fs::read_to_string(report).unwrap().contains(equal));
 }
 
+/// The positions are beyond the stroke of the paper's crane.
+#[test]
+fn a_family_of_margins_is_drawn_around_the_virtual_crane_of_the_crane_file() {
+    let crane = short_crane(&folder("family-margins"));
+    let long = ["--crane", &crane, "--set", "cylinder.stroke_mm=600"];
+    let result = parsed(&[&["design", "--family", "1", "--json"], &long[..]].concat());
+    assert_eq!(result["plant"]["name"], "virtual crane of short", "{result}");
+    assert_eq!(result["plant"]["from"], "crane file");
+    for of in result["family"].as_array().unwrap() {
+        let stroke = of["worst"]["stroke_mm"].as_f64().unwrap();
+        assert!([60.0, 300.0, 540.0].iter().any(|at| (stroke - at).abs() < 1e-6), "{of}");
+        assert_eq!(of["count"], 3);
+    }
+}
+
 #[test]
 fn the_papers_figures_are_shown_for_its_own_crane_only() {
     let folder = folder("paperless");
