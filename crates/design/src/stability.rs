@@ -120,6 +120,11 @@ fn closed_by(strategy: Strategy) -> &'static [&'static str] {
     }
 }
 
+/// Remedy for a benchmark controller with too little margin.
+pub const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
+/// Remedy for a scheduled LQR with too little margin.
+pub const LOWERS_GAINS: &str = "a smaller scheduled_lqr.command_tolerance_mm_s or a larger scheduled_lqr.position_tolerance_mm lowers its gains";
+
 /// Names of the loops.
 const BENCHMARK: &str = "benchmark";
 const SIMULATED: &str = "benchmark on the simulated crane";
@@ -294,11 +299,17 @@ pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
 /// plant](unstable_on_ideal_equipment); `None` without such loops.
 pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = unstable.iter().map(|of| of.controller).collect();
+    let remedies: Vec<&str> = unstable
+        .iter()
+        .map(|of| if of.is_benchmark() { FINDS_GAINS } else { LOWERS_GAINS })
+        .collect();
     (!names.is_empty()).then(|| {
         format!(
-            "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE. The design \
-             assumes the lags of drive and fieldbus",
-            names.join(" and of the ")
+            "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE. The design \
+             assumes the lags of drive and fieldbus: run it on a plant that has them, as `motion --plant virtual` does, or a model of your own with lag \
+             and dead time of the drive and delay of the fieldbus. For a plant without them {}",
+            names.join(" and of the "),
+            remedies.join(", and ")
         )
     })
 }

@@ -10,10 +10,10 @@ use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
 use hydroboom_design::observability::observability;
 use hydroboom_design::stability::{
-    POSITIONS, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
-    unstable_on_ideal_equipment,
+    FINDS_GAINS, LOWERS_GAINS, POSITIONS, benchmark_stability, remark_on_ideal_equipment,
+    scheduled_lqr_stability, unstable_on_ideal_equipment,
 };
-use hydroboom_design::{DesignReport, design_report};
+use hydroboom_design::{DesignReport, Margins, design_report};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
@@ -107,7 +107,7 @@ impl Design {
         );
         text += "\n\
             PM phase margin, GM gain margin, d modulus margin (smallest distance from -1). \
-            The machine equals the model, with the lags of drive and fieldbus that the controllers expect before \
+            Frequencies are those of the highest gain crossover and of d. The machine equals the model, with the lags of drive and fieldbus that the controllers expect before \
             identification.";
         text += &format!(
             "\nPayload {:.0} kg, load-holding valve open, sliding friction, {:.0} bar at the rod side; `eigen` has the load held.",
@@ -116,10 +116,10 @@ impl Design {
         );
         for unstable in loops.iter().filter(|of| !of.stable) {
             let remedy = match unstable.controller {
-                "benchmark" => "; `hydroboom design --benchmark` finds gains",
-                _ => "",
+                "benchmark" => FINDS_GAINS,
+                _ => LOWERS_GAINS,
             };
-            text += &format!("\n{unstable}; it has no margins there{remedy}");
+            text += &format!("\n{unstable}; it has no margins there; {remedy}");
         }
         if let Some(remark) = remark_on_ideal_equipment(&on_ideal) {
             text += &format!("\n{remark}");
@@ -242,36 +242,44 @@ fn table(reports: &[DesignReport]) -> String {
     let rows: Vec<Vec<String>> = reports
         .iter()
         .map(|l| {
-            let margins = |m: &hydroboom_design::Margins| match m.is_stable() {
-                true => {
-                    format!("{} / {} / {:.2}", phase(m.phase_deg), gain(m.gain), m.modulus_margin)
-                }
-                false => "unstable".into(),
-            };
-            vec![
+            let mut row = vec![
                 format!("{:.0}", l.stroke_mm),
                 l.load_mode.map_or_else(
                     || "overdamped".into(),
                     |mode| format!("{:.2} Hz, {:.3}", mode.frequency_hz, mode.damping_ratio),
                 ),
-                margins(&l.benchmark),
-                margins(&l.scheduled_lqr),
-            ]
+            ];
+            row.extend(margin_cells(&l.benchmark));
+            row.extend(margin_cells(&l.scheduled_lqr));
+            row
         })
         .collect();
     let header = [
         "stroke [mm]",
         "load mode, damping ratio",
         "benchmark: PM [deg] / GM / d",
+        "crossover / d at [Hz]",
         "scheduled LQR: PM [deg] / GM / d",
+        "crossover / d at [Hz]",
     ];
     output::table(&header, &rows)
+}
+
+/// Cells of a loop: its margins, and the frequencies of gain crossover and modulus margin.
+fn margin_cells(m: &Margins) -> [String; 2] {
+    if !m.is_stable() {
+        return ["unstable".into(), "-".into()];
+    }
+    let [crossover, at] = [m.crossover_hz, m.at_hz].map(output::three_digits);
+    [
+        format!("{} / {} / {:.2}", phase(m.phase_deg), gain(m.gain), m.modulus_margin),
+        format!("{crossover} / {at}"),
+    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_design::Margins;
 
     /// Margins of a loop whose gain is below one at all frequencies.
     const WITHOUT_CROSSOVER: Margins = Margins {
@@ -295,5 +303,15 @@ mod tests {
         assert!(json["benchmark"]["crossover_hz"].is_null(), "{json}");
         let text = table(&[report]);
         assert!(text.contains("- / - / 0.90") && text.contains("unstable"), "{text}");
+        assert!(text.contains("- / 5.00"), "{text}");
+    }
+
+    /// A small modulus margin is that of a resonance if its frequency is that of the resonance.
+    #[test]
+    fn the_table_names_the_frequencies_of_crossover_and_modulus_margin() {
+        let lqr = Margins { gain: 3.0, phase_deg: 36.0, crossover_hz: 33.21, ..WITHOUT_CROSSOVER };
+        assert_eq!(margin_cells(&lqr), ["36 / 3.0 / 0.90", "33.2 / 5.00"]);
+        let unstable = Margins { unstable_poles: 2, ..lqr };
+        assert_eq!(margin_cells(&unstable), ["unstable", "-"]);
     }
 }

@@ -8,18 +8,13 @@ use hydroboom_description::schema::FrictionChoice;
 use hydroboom_design::DesignError;
 use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_design::stability::{
-    LoopStability, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
-    unstable_on_ideal_equipment,
+    FINDS_GAINS, LOWERS_GAINS, LoopStability, benchmark_stability, remark_on_ideal_equipment,
+    scheduled_lqr_stability, unstable_on_ideal_equipment,
 };
 use hydroboom_lab::plant;
 use hydroboom_model::{Outputs, Scheme, StepLimit};
 use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
-
-/// Advice on the gains.
-const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
-/// Where the weights of the scheduled LQR are, and its margins.
-const WEIGHTS: &str = "its weights are those of [scheduled_lqr]; `hydroboom design` shows its margins at each position";
 
 /// Names of the controllers, and the stability of their loops with the equipment that they expect; an error where the
 /// loop cannot be computed.
@@ -131,7 +126,9 @@ fn loop_remarks(description: &Description, loops: &Loops) -> Result<Vec<String>>
             Ok(unstable) if unstable.is_benchmark() => {
                 remarks.push(format!("{unstable}; {FINDS_GAINS}"));
             }
-            Ok(unstable) => remarks.push(format!("{unstable}; {WEIGHTS}")),
+            Ok(unstable) => remarks.push(format!(
+                "{unstable}; {LOWERS_GAINS}; `hydroboom design` shows its margins at each position"
+            )),
             Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
         }
     }
