@@ -8,6 +8,7 @@ mod calibrate;
 mod check;
 mod commission;
 mod commissioning_basis;
+mod controller_model;
 mod crane_file;
 mod design;
 mod difference_text;

@@ -754,6 +754,34 @@ fn virtual_accepts_controller_settings_for_its_model_only() {
     fails_with(&of(&["--log-ms", "NaN"]), "a number from 0.001 to 3600000 ms");
 }
 
+/// The pump displaces a fifth less than that of the paper's crane, which a velocity feedforward with the wrong model
+/// is late by.
+#[test]
+fn virtual_has_the_crane_file_as_the_model_of_its_controllers() {
+    let folder = folder("own-model");
+    let crane = short_crane(&folder);
+    let text = std::fs::read_to_string(&crane).unwrap();
+    let small = text.replacen("value = 10.6, range = [10.28, 10.82]", "value = 8.5", 1);
+    assert_ne!(small, text);
+    let own = folder.join("own.toml").display().to_string();
+    std::fs::write(&own, small).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = hydroboom(&[&["virtual", "--json", "--crane"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let note = String::from_utf8_lossy(&output.stderr).into_owned();
+        (json["rms_true_mm"].as_f64().unwrap(), note)
+    };
+    let (with_own, note) = run(&[own.as_str(), "--speed-mm-s", "60"]);
+    assert!(note.contains("the controllers know \"short\", as "), "{note}");
+    let papers = ["--model", "../../cranes/uia-single-boom.toml", "--speed-mm-s", "60"];
+    let (with_papers, note) = run(&[&[own.as_str()], &papers[..]].concat());
+    assert!(!note.contains("the controllers know"), "{note}");
+    assert!(with_own < 0.5 * with_papers, "{with_own} and {with_papers} mm");
+    let (_, note) = run(&["../../cranes/uia-virtual.toml", "--scenario", "small-moves"]);
+    assert!(note.contains("the controllers know \"UiA single boom\", of which"), "{note}");
+}
+
 #[test]
 fn estimating_a_log_writes_a_page_a_table_and_json() {
     let folder = folder("estimate");
