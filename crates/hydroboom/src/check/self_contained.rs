@@ -1,16 +1,17 @@
 //! Check of a self-contained crane: state of rest, step limits of the published scheme, loops of the controllers.
 
-use super::rest_remarks::rest_remarks;
+use super::load_range::{load_range_remarks, load_range_text};
+use super::rest_remarks::{largest, rest_remarks};
 use super::{Check, POSITIONS, warnings};
 use crate::{benchmark_gains, output};
 use hydroboom_description::Description;
 use hydroboom_description::schema::FrictionChoice;
-use hydroboom_design::DesignError;
 use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_design::stability::{
     FINDS_GAINS, LOWERS_GAINS, LoopStability, benchmark_stability, remark_on_ideal_equipment,
     scheduled_lqr_stability, unstable_on_ideal_equipment,
 };
+use hydroboom_design::{DesignError, LoadPressure, load_pressure};
 use hydroboom_lab::plant;
 use hydroboom_model::{Outputs, Scheme, StepLimit};
 use miette::{IntoDiagnostic, Result};
@@ -34,6 +35,16 @@ impl Check {
         let pressures: Vec<(f64, f64)> =
             states.iter().map(|state| (state.stroke, state.outputs.pressure_a)).collect();
         let mut remarks = rest_remarks(description, &pressures);
+        let load = load_pressure(description);
+        match &load {
+            Ok(load) => {
+                remarks.extend(load_range_remarks(description, load, largest(&pressures)));
+            }
+            Err(error) => {
+                remarks.push(format!("the load over the file's ranges cannot be computed: {error}"))
+            }
+        }
+        let load = load.ok();
         let loops = [
             ("benchmark", benchmark_stability(description, None)),
             ("scheduled LQR", scheduled_lqr_stability(description, None)),
@@ -51,11 +62,13 @@ impl Check {
                 "crane": description.name,
                 "warnings": warnings(description, remarks),
                 "stable": stable, "loops": expected, "unstable_on_ideal_equipment": on_ideal,
+                "load_pressure_bar": load
+                    .map(|load| [load.least, load.nominal, load.most].map(|p| p * 1e-5)),
                 "at_rest": states.iter().map(|state| state.in_json(has_bristles)).collect::<Vec<_>>(),
             }));
         }
         remarks.iter().for_each(|remark| output::warn(remark));
-        output::text(&text(description, &states))
+        output::text(&text(description, &states, load.as_ref()))
     }
 }
 
@@ -144,8 +157,8 @@ fn loop_remarks(description: &Description, loops: &Loops) -> Result<Vec<String>>
     Ok(remarks)
 }
 
-/// Table of the states of rest, with the conditions of step limits and loops.
-fn text(description: &Description, states: &[RestState]) -> String {
+/// Table of the states of rest, with the load over the file's ranges and the conditions of step limits and loops.
+fn text(description: &Description, states: &[RestState], load: Option<&LoadPressure>) -> String {
     let has_bristles = has_bristles(description);
     let mut header = vec![
         "stroke [mm]",
@@ -175,8 +188,10 @@ fn text(description: &Description, states: &[RestState]) -> String {
         ),
         false => String::new(),
     };
+    let load =
+        load.map_or_else(String::new, |load| format!("\n{}", load_range_text(description, load)));
     format!(
-        "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}{payloads}",
+        "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}{load}{payloads}",
         description.name,
         output::table(&header, &rows)
     )

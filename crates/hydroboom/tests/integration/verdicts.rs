@@ -87,6 +87,25 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     assert_eq!(warned(&["check"]), "");
 }
 
+/// Each limit lies between the load of the file's own values and the heaviest of its ranges, or below the pressure
+/// that the supervision allows: the machine would be stopped later.
+#[test]
+fn check_warns_of_limits_that_the_heaviest_load_reaches() {
+    let heaviest = parsed(&["check", "--json"])["load_pressure_bar"][2].as_f64().unwrap();
+    assert!((100.0..200.0).contains(&heaviest), "{heaviest} bar");
+    for (set, warning) in [
+        ("supervision.pressure_bar=90", "supervision.pressure_bar = 90.0 stops the machine: "),
+        ("sensors.pressure_span_bar=50", "sensors.pressure_span_bar = 50.0 is less than "),
+        ("drive.max_torque_nm=15", "drive.max_torque_nm = 15.0 does not lift the heaviest load"),
+    ] {
+        let text = warned(&["check", "--set", set]);
+        assert!(text.contains(warning), "{text}");
+        assert_eq!(text.matches("warning: ").count(), 1, "{text}");
+    }
+    // an empty hook leaves the load on soft oil, although the nominal payload does not
+    assert!(printed(&["check"]).contains("the oil is soft: its bulk modulus is "));
+}
+
 /// Payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable. On the ideal plant that
 /// `motion` uses without --plant it is not. Each command reports both, and the row of the table is marked.
 #[test]
