@@ -133,6 +133,22 @@ fn commands_report_with_which_lags_they_close_the_loop() {
     assert!(forward.clone().count() == 2 && !forward.clone().any(|row| row.contains("(!)")));
 }
 
+/// The input has no limit, so that a motor that is too slow has to be reported.
+#[test]
+fn simulate_warns_of_a_motor_beyond_its_largest_speed() {
+    let run = ["simulate", "--hold-s", "0.5", "--motor-speed-rpm", "600", "--start-mm", "200"];
+    let slow = ["--set", "motor.max_speed_rpm=500"];
+    let text = warned(&[&run[..], &slow].concat());
+    assert!(text.contains("up to 600 rpm, more than motor.max_speed_rpm = 500"), "{text}");
+    assert_eq!(warned(&run), "");
+    let json = parsed(&[&run[..], &["--json"]].concat());
+    assert!((json["largest_motor_speed_rpm"].as_f64().unwrap() - 600.0).abs() < 1e-9, "{json}");
+    let at_end = json["outputs"]["pressure_a"]["value"].as_f64().unwrap() * 1e-5;
+    assert!(json["peak_pressure_bar"].as_f64().unwrap() >= at_end, "{json}");
+    let text = printed(&run);
+    assert!(text.contains("largest motor speed 600 rpm, peak pressure "), "{text}");
+}
+
 #[test]
 fn linearise_reports_the_dead_band_and_proposes_a_point_outside() {
     let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
