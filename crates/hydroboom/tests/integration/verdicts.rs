@@ -229,6 +229,10 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
     let remark = json["remark_on_gains"].as_str().unwrap();
     assert!(remark.contains("the file's gains are not tuned for this comparison"), "{remark}");
+    for unit in [" 1/s, K_i = ", " 1/s2, k_f = ", " m3/(s Pa), tau = ", " s, by `hydroboom design"]
+    {
+        assert!(remark.contains(unit), "{unit}: {remark}");
+    }
     assert_eq!(json["stable"], true, "{json}");
     let rows = json["motion"].as_array().unwrap();
     let rms = |strategy: &str| {
