@@ -142,7 +142,9 @@ fn loop_remarks(description: &Description, loops: &Loops) -> Result<Vec<String>>
             Ok(unstable) => remarks.push(format!(
                 "{unstable}; {LOWERS_GAINS}; `hydroboom design` shows its margins at each position"
             )),
-            Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
+            Err(error) => remarks.push(format!(
+                "{name}: its loop cannot be computed: {error}. A number may be wrong by orders of magnitude: `hydroboom show` lists all"
+            )),
         }
     }
     if matches!(&loops[0].1, Ok(benchmark) if benchmark.stable) {

@@ -330,6 +330,19 @@ fn wrong_crane_files_are_refused_with_a_reason() {
 }
 
 #[test]
+fn a_wrong_argument_is_refused_with_the_right_one() {
+    fails_with(&hydroboom(&["check", "crane.toml"]), "--crane crane.toml");
+    fails_with(&hydroboom(&["motion", "--plant", "virtaul"]), "`--plant virtual` is the virtual");
+    let weak = hydroboom(&["check", "--set", "boom.second_moment_cm4=0.2065"]);
+    fails_with(&weak, "check boom.second_moment_cm4");
+    let faults = hydroboom(&["faults", "--only", "over"]);
+    fails_with(&faults, "whose name contains its text, in the same case");
+    let message = String::from_utf8_lossy(&faults.stderr);
+    assert!(message.contains("position stuck, position jumping, "), "{message}");
+    assert!(message.lines().all(|line| line.chars().count() <= 120), "{message}");
+}
+
+#[test]
 fn wrong_inputs_are_refused_and_leave_no_files() {
     let folder = folder("inputs");
     let log = folder.join("log.csv");
