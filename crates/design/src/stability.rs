@@ -6,7 +6,7 @@ use crate::scheduled_lqr::{designed, known_delay};
 use crate::unstable_poles::{GrowingPoles, growing_poles};
 use crate::{Actuation, DesignError, LinearisedPlant, Loop};
 use hydroboom_control::strategy::Strategy;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_math::Real;
 use serde::Serialize;
 use std::fmt;
@@ -342,7 +342,7 @@ fn poles(
         let crane = LinearisedPlant::new(machine.unwrap_or(model), stroke)?;
         let around = around(stroke)?;
         let around = machine.map_or_else(|| around.clone(), |machine| around.clone().on(machine));
-        Ok((stroke * 1e3, growing_poles(&crane, &around)?))
+        Ok((millimetres(stroke), growing_poles(&crane, &around)?))
     };
     judged_positions().map(one).collect()
 }

@@ -1,6 +1,6 @@
 //! Interface of a simulated crane, independent of the number of its segments.
 
-use hydroboom_description::{BuildError, Description};
+use hydroboom_description::{BuildError, Description, millimetres};
 use hydroboom_math::Dual;
 use hydroboom_model::energy::{Energy, Power};
 use hydroboom_model::{
@@ -118,7 +118,8 @@ pub fn plant(
 ) -> Result<Box<dyn Plant>, PlantError> {
     let longest = description.numbers.stroke;
     if !(0.0..=longest).contains(&start.stroke) {
-        return Err(PlantError::Stroke { asked_mm: start.stroke * 1e3, longest_mm: longest * 1e3 });
+        let [asked_mm, longest_mm] = [start.stroke, longest].map(millimetres);
+        return Err(PlantError::Stroke { asked_mm, longest_mm });
     }
     match description.coordinates() {
         3 if description.segment_shares.len() == 3 => sized::<3>(description, start, scheme, step),

@@ -4,8 +4,8 @@ use super::load_range::{load_range_remarks, load_range_text};
 use super::rest_remarks::{largest, rest_remarks};
 use super::{Check, POSITIONS, warnings};
 use crate::{benchmark_gains, output};
-use hydroboom_description::Description;
 use hydroboom_description::schema::FrictionChoice;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_design::stability::{
     FINDS_GAINS, LOWERS_GAINS, LoopStability, benchmark_stability, remark_on_ideal_equipment,
@@ -111,7 +111,7 @@ impl RestState {
     fn in_json(&self, has_bristles: bool) -> Value {
         let Self { outputs, limit, .. } = self;
         json!({
-            "stroke_mm": outputs.stroke * 1e3,
+            "stroke_mm": millimetres(self.stroke),
             "pressure_a_bar": outputs.pressure_a * 1e-5,
             "cylinder_force_n": outputs.cylinder_force,
             "tip_deflection_mm": outputs.tip_deflection * 1e3,

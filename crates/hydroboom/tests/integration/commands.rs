@@ -366,6 +366,9 @@ fn wrong_inputs_are_refused_and_leave_no_files() {
         "0 to 500 mm, not 900",
     );
     fails_with(&hydroboom(&["eigen", "--stroke-mm", "700"]), "0 to 500 mm, not 700");
+    // without the rounding noise of the unit
+    let long = hydroboom(&["eigen", "--stroke-mm", "800", "--set", "cylinder.stroke_mm=700"]);
+    fails_with(&long, "0 to 700 mm, not 800 mm");
     fails_with(
         &hydroboom(&["simulate", "--hold-s", "0.01", "--step-us", "99999", "--log", log_path]),
         "does not fit",

@@ -2,7 +2,7 @@
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::{Percentiles, member};
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
 use hydroboom_design::stability::with_identified;
 use hydroboom_design::{
@@ -111,7 +111,7 @@ pub fn family_margins(
         let identified = scheduled_lqr_loop_at(&known, &identified, stroke, payload);
         let around = |looked_at: Loop| -> Result<MemberMargins, LabError> {
             let margins = margins(&linear, &looked_at.on(&crane))?;
-            Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
+            Ok(MemberMargins { crane: *number, stroke_mm: millimetres(stroke), margins })
         };
         Ok([around(benchmark.clone())?, around(scheduled_lqr)?, around(identified)?])
     };
