@@ -150,6 +150,18 @@ fn simulate_warns_of_a_motor_beyond_its_largest_speed() {
 }
 
 #[test]
+fn linearise_begins_at_mid_stroke_and_warns_of_a_motor_beyond_its_largest_speed() {
+    let of = |arguments: &[&str]| parsed(&[&["linearise", "--json"], arguments].concat());
+    let at = |json: &serde_json::Value| json["stroke_mm"].as_f64().unwrap();
+    assert!((at(&of(&["--set", "cylinder.stroke_mm=600"])) - 300.0).abs() < 1e-6);
+    assert_eq!(of(&[])["A"], of(&["--stroke-mm", "250"])["A"]);
+    let text =
+        warned(&["linearise", "--motor-speed-rpm", "900", "--set", "motor.max_speed_rpm=800"]);
+    assert!(text.contains("is beyond motor.max_speed_rpm = 800"), "{text}");
+    assert_eq!(warned(&["linearise", "--motor-speed-rpm", "800"]), "");
+}
+
+#[test]
 fn linearise_reports_the_dead_band_and_proposes_a_point_outside() {
     let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
     assert_eq!(json["in_dead_band"], true);
