@@ -342,8 +342,9 @@ impl Description {
         let leakage = |pressure: f64| (n.internal_leakage + n.case_leakage_a) * pressure.sqrt();
         if let Some(pressure) = held.filter(|pressure| leakage(*pressure) > delivered) {
             warnings.push(format!(
-                "the pump leaks {:.0} L/min at the {:.0} bar that hold the load, and delivers {:.0} L/min at motor.max_speed_rpm: \
-                 pump.internal_leakage_m3_s_sqrtpa = {:e}, pump.case_leakage_a_m3_s_sqrtpa = {:e}",
+                "the pump leaks {:.0} L/min at the {:.0} bar that hold the load, and delivers {:.0} L/min at \
+                 motor.max_speed_rpm: pump.internal_leakage_m3_s_sqrtpa = {:e}, pump.case_leakage_a_m3_s_sqrtpa = \
+                 {:e}",
                 leakage(pressure) * 60e3,
                 pressure * 1e-5,
                 delivered * 60e3,

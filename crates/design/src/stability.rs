@@ -123,7 +123,8 @@ fn closed_by(strategy: Strategy) -> &'static [&'static str] {
 /// Remedy for a benchmark controller with too little margin.
 pub const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
 /// Remedy for a scheduled LQR with too little margin.
-pub const LOWERS_GAINS: &str = "a smaller scheduled_lqr.command_tolerance_mm_s or a larger scheduled_lqr.position_tolerance_mm lowers its gains";
+pub const LOWERS_GAINS: &str = "a smaller scheduled_lqr.command_tolerance_mm_s or a larger \
+    scheduled_lqr.position_tolerance_mm lowers its gains";
 
 /// Names of the loops.
 const BENCHMARK: &str = "benchmark";
@@ -305,9 +306,10 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
         .collect();
     (!names.is_empty()).then(|| {
         format!(
-            "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE. The design \
-             assumes the lags of drive and fieldbus: run it on a plant that has them, as `motion --plant virtual` does, or a model of your own with lag \
-             and dead time of the drive and delay of the fieldbus. For a plant without them {}",
+            "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop \
+             of the {} is UNSTABLE. The design assumes the lags of drive and fieldbus: run it on a plant that has \
+             them, as `motion --plant virtual` does, or a model of your own with lag and dead time of the drive and \
+             delay of the fieldbus. For a plant without them {}",
             names.join(" and of the "),
             remedies.join(", and ")
         )

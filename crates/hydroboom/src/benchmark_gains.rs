@@ -102,8 +102,9 @@ fn remark_on_wider_range([low, high]: [f64; 2], design: [f64; 2]) -> Option<Stri
     let [low, high, least, most] = [low, high, design[0], design[1]].map(output::short);
     is_wider.then(|| {
         format!(
-            "the gains are for payloads of {least} to {most} kg, and `range` of payload.mass_kg is still {low} to {high} kg: narrow it too, or \
-             `motion --family` and `trials` go on with loads for which the gains are not tuned"
+            "the gains are for payloads of {least} to {most} kg, and `range` of payload.mass_kg is still {low} to \
+             {high} kg: narrow it too, or `motion --family` and `trials` go on with loads for which the gains are not \
+             tuned"
         )
     })
 }
@@ -250,8 +251,9 @@ pub fn for_comparison(
         Ok(design) => {
             let g = design.gains;
             let remark = format!(
-                "the file's gains are not tuned for this comparison ({reason}): the benchmark has K_p = {} 1/s, K_i = {} 1/s2, k_f = {} m3/(s Pa), tau = {} s, by `hydroboom design \
-                 --benchmark --payload-kg {:.0}:{:.0}`; --gains-as-given keeps the file's",
+                "the file's gains are not tuned for this comparison ({reason}): the benchmark has K_p = {} 1/s, K_i = \
+                 {} 1/s2, k_f = {} m3/(s Pa), tau = {} s, by `hydroboom design --benchmark --payload-kg {:.0}:{:.0}`; \
+                 --gains-as-given keeps the file's",
                 output::short(g.proportional_per_s),
                 output::short(g.integral_per_s2),
                 output::short(g.pressure_feedback_m3_per_spa),

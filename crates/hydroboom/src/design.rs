@@ -107,8 +107,8 @@ impl Design {
         );
         text += "\n\
             PM phase margin, GM gain margin, d modulus margin (smallest distance from -1). \
-            Frequencies are those of the highest gain crossover and of d. The machine equals the model, with the lags of drive and fieldbus that the controllers expect before \
-            identification.";
+            Frequencies are those of the highest gain crossover and of d. The machine equals the model, with the lags \
+            of drive and fieldbus that the controllers expect before identification.";
         text += &format!(
             "\nPayload {:.0} kg, load-holding valve open, sliding friction, {:.0} bar at the rod side; `eigen` has the load held.",
             crane.numbers.payload,
@@ -211,9 +211,10 @@ fn over_family(nominal: &str, family: &[FamilyMargins]) -> String {
         "PM [deg]",
     ];
     format!(
-        "{}\nEvery crane of the family, drawn around \"{nominal}\", at three piston positions, linearised at rest as its pump begins to lift, \
-         friction left out, with its own drive, fieldbus and sensors. The controllers know the model file and the weighed payload. PM, GM and d are those of the stable loops. \
-         Cranes are numbered from 0.",
+        "{}\nEvery crane of the family, drawn around \"{nominal}\", at three piston positions, linearised at rest as \
+         its pump begins to lift, friction left out, with its own drive, fieldbus and sensors. The controllers know \
+         the model file and the weighed payload. PM, GM and d are those of the stable loops. Cranes are numbered from \
+         0.",
         output::table(&header, &family.iter().map(over_family_row).collect::<Vec<_>>())
     )
 }

@@ -121,7 +121,8 @@ impl Simulate {
         // a speed equal to the limit but for the rounding of its unit is not beyond it
         if result.largest_motor_speed > n.motor_speed * (1.0 + 1e-9) {
             output::warn(&format!(
-                "the motor turns at up to {:.0} rpm, more than motor.max_speed_rpm = {:.0}: a simulation has no limits of the motor",
+                "the motor turns at up to {:.0} rpm, more than motor.max_speed_rpm = {:.0}: a simulation has no \
+                 limits of the motor",
                 result.largest_motor_speed * 60.0,
                 n.motor_speed * 60.0
             ));

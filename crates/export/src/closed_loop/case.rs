@@ -130,8 +130,8 @@ const GAINS: [f64; 3] = [0.5, 1.5, f64::NAN];
 /// Durations of input errors \[control periods\].
 const PERIODS: [u32; 3] = [1, 10, 1000];
 
-/// Payloads of test cases \[kg\], lightest first: those of the paper's crane for its payload range, else the nominal one
-/// and shares of the crane file's range.
+/// Payloads of test cases \[kg\], lightest first: those of the paper's crane for its payload range, else the nominal
+/// one and shares of the crane file's range.
 fn payloads(model: &Description, of_paper: &[f64], shares: &[f64]) -> Vec<f64> {
     let [low, high] = payload_range(model);
     let is_papers = |paper: &Description| payload_range(paper) == [low, high];

@@ -103,8 +103,9 @@ pLSim := fbHydraulics.pL;
     Unit {
         kind: Kind::FunctionBlock,
         name: "FB_SimulationFeedforward".into(),
-        comment: "Benchmark controller with the motor speed of a simulated crane as feedforward (section 4, figure 15 of doi:10.3390/act14020080); holds and releases \
-                  the load. One call is one simulation step; the controller acts at each first of nPerPeriod."
+        comment: "Benchmark controller with the motor speed of a simulated crane as feedforward (section 4, figure 15 \
+            of doi:10.3390/act14020080); holds and releases the load. One call is one simulation step; the controller \
+            acts at each first of nPerPeriod."
             .into(),
         variables,
         body,
@@ -178,10 +179,10 @@ pub(super) fn control_task(controller: &Unit, control: f64) -> Unit {
         kind: Kind::Program,
         name: "PRG_Control".into(),
         comment: format!(
-            "To be called every control period of {period} ms: the benchmark controller, which holds and releases the load. \
-             FB_SimulationFeedforward replaces it for simulation feedforward: the same inputs and outputs, called every simulation \
-             step. FB_ScheduledLqrController replaces it with its preview arrays filled every period, and has additional outputs: \
-             docs/how-to/export-twincat.md has such a program."
+            "To be called every control period of {period} ms: the benchmark controller, which holds and releases the \
+             load. FB_SimulationFeedforward replaces it for simulation feedforward: the same inputs and outputs, \
+             called every simulation step. FB_ScheduledLqrController replaces it with its preview arrays filled every \
+             period, and has additional outputs: docs/how-to/export-twincat.md has such a program."
         ),
         variables,
         body: format!(

@@ -5,8 +5,8 @@ use hydroboom_description::Description;
 use hydroboom_design::LoadPressure;
 
 /// Remarks on limits that the load reaches within the file's ranges: `supervision.pressure_bar`,
-/// `sensors.pressure_span_bar` and `drive.max_torque_nm`. The largest pressure at rest \[Pa\] with the file's own values
-/// tells whether the motor lifts that load, which is a remark of its own.
+/// `sensors.pressure_span_bar` and `drive.max_torque_nm`. The largest pressure at rest \[Pa\] with the file's own
+/// values tells whether the motor lifts that load, which is a remark of its own.
 ///
 /// Typical transducers stand in where the file states none, as in the virtual crane.
 pub fn load_range_remarks(
@@ -20,16 +20,17 @@ pub fn load_range_remarks(
     let mut remarks = Vec::new();
     if load.most > n.supervision_pressure {
         remarks.push(format!(
-            "supervision.pressure_bar = {:.1} stops the machine: the heaviest load of the file's ranges takes {:.1} bar at rest. The limit has to be \
-             above that and the peaks of the motion",
+            "supervision.pressure_bar = {:.1} stops the machine: the heaviest load of the file's ranges takes {:.1} \
+             bar at rest. The limit has to be above that and the peaks of the motion",
             bar(n.supervision_pressure),
             bar(load.most)
         ));
     }
     if span < n.supervision_pressure {
         remarks.push(format!(
-            "sensors.pressure_span_bar = {:.1} is less than supervision.pressure_bar = {:.1}: a transducer beyond its span reads a constant pressure, \
-             which stops the machine with sensor-stuck. The span has to be {:.0} bar or more",
+            "sensors.pressure_span_bar = {:.1} is less than supervision.pressure_bar = {:.1}: a transducer beyond its \
+             span reads a constant pressure, which stops the machine with sensor-stuck. The span has to be {:.0} bar \
+             or more",
             bar(span),
             bar(n.supervision_pressure),
             bar(n.supervision_pressure)
@@ -38,7 +39,8 @@ pub fn load_range_remarks(
     let lifts = |pressure: f64| holding_torque(description, pressure) <= n.drive_torque;
     if lifts(largest_at_rest) && !lifts(load.most) {
         remarks.push(format!(
-            "drive.max_torque_nm = {:.1} does not lift the heaviest load of the file's ranges: {:.1} bar at rest take {:.1} N m",
+            "drive.max_torque_nm = {:.1} does not lift the heaviest load of the file's ranges: {:.1} bar at rest take \
+             {:.1} N m",
             n.drive_torque,
             bar(load.most),
             holding_torque(description, load.most)
@@ -51,11 +53,13 @@ pub fn load_range_remarks(
 pub fn load_range_text(description: &Description, load: &LoadPressure) -> String {
     let [least, most] = [load.least, load.most].map(|pressure| pressure * 1e-5);
     let mut text = format!(
-        "Load pressure over the file's ranges of payload, friction and rod side: {least:.1} to {most:.1} bar (`hydroboom supervision`)."
+        "Load pressure over the file's ranges of payload, friction and rod side: {least:.1} to {most:.1} bar \
+         (`hydroboom supervision`)."
     );
     if let Some(share) = bulk_modulus_share(description, load.least) {
         text += &format!(
-            " At {least:.1} bar the oil is soft: its bulk modulus is {:.0} % of the largest. Gains for so little load have to be lower.",
+            " At {least:.1} bar the oil is soft: its bulk modulus is {:.0} % of the largest. Gains for so little load \
+             have to be lower.",
             share * 100.0
         );
     }

@@ -143,7 +143,8 @@ fn loop_remarks(description: &Description, loops: &Loops) -> Result<Vec<String>>
                 "{unstable}; {LOWERS_GAINS}; `hydroboom design` shows its margins at each position"
             )),
             Err(error) => remarks.push(format!(
-                "{name}: its loop cannot be computed: {error}. A number may be wrong by orders of magnitude: `hydroboom show` lists all"
+                "{name}: its loop cannot be computed: {error}. A number may be wrong by orders of magnitude: \
+                 `hydroboom show` lists all"
             )),
         }
     }

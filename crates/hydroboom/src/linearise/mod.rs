@@ -82,7 +82,8 @@ impl Linearise {
         // a speed equal to the limit but for the rounding of its unit is not beyond it
         if input.pump_speed.abs() > n.motor_speed * (1.0 + 1e-9) {
             output::warn(&format!(
-                "--motor-speed-rpm {} is beyond motor.max_speed_rpm = {:.0}: the motor does not reach this operating point",
+                "--motor-speed-rpm {} is beyond motor.max_speed_rpm = {:.0}: the motor does not reach this operating \
+                 point",
                 self.motor_speed_rpm,
                 n.motor_speed * 60.0
             ));
@@ -156,8 +157,8 @@ impl Linearise {
         )
     }
 
-    /// Remark on an operating point in the dead band, begun at a piston position \[m\], with another point outside it if
-    /// there is one.
+    /// Remark on an operating point in the dead band, begun at a piston position \[m\], with another point outside it
+    /// if there is one.
     fn remark_on_dead_band(&self, description: &Description, stroke: f64) -> String {
         let remark = "This operating point lies in the dead band of the load-holding valve: between cracking and closing no oil passes, and a \
                     small change of the motor's speed moves nothing. The poles are those of a cylinder that is shut.";

@@ -187,7 +187,8 @@ impl MotionTests {
         let name = path.display().to_string();
         if !path.exists() {
             return Err(miette!(
-                help = "`--plant virtual` is the virtual crane of the crane file; else it is a crane file, or a file with a [set] table of overrides",
+                help = "`--plant virtual` is the virtual crane of the crane file; else it is a crane file, or a file \
+                    with a [set] table of overrides",
                 "--plant: there is no file {name}"
             ));
         }

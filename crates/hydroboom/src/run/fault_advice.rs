@@ -12,8 +12,8 @@ pub fn fault_advice(cause: Cause, is_simulated_here: bool) -> String {
     let end = if advice.ends_with('?') { "" } else { "." };
     match is_simulated_here && OF_LATE_TASKS.contains(&cause) {
         true => format!(
-            "{advice}{end} This computer simulates the machine, and may have no time for it: `hydroboom doctor` examines it, and --simulated-time runs the \
-             same tasks independently of its load"
+            "{advice}{end} This computer simulates the machine, and may have no time for it: `hydroboom doctor` \
+             examines it, and --simulated-time runs the same tasks independently of its load"
         ),
         false => advice.into(),
     }

@@ -115,7 +115,8 @@ fn commands_report_with_which_lags_they_close_the_loop() {
         [printed(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
     {
         assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
-        let remark = "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the scheduled LQR is UNSTABLE";
+        let remark = "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the \
+            closed loop of the scheduled LQR is UNSTABLE";
         assert!(text.contains(remark), "{text}");
         // and what to do about it
         for remedy in ["motion --plant virtual", "scheduled_lqr.command_tolerance_mm_s"] {
