@@ -337,6 +337,21 @@ impl Description {
                 n.motor_speed * 60.0
             ));
         }
+        let delivered = n.motor_speed * n.displacement * gain;
+        let held = self.holding_pressure().filter(|pressure| *pressure > 0.0);
+        let leakage = |pressure: f64| (n.internal_leakage + n.case_leakage_a) * pressure.sqrt();
+        if let Some(pressure) = held.filter(|pressure| leakage(*pressure) > delivered) {
+            warnings.push(format!(
+                "the pump leaks {:.0} L/min at the {:.0} bar that hold the load, and delivers {:.0} L/min at \
+                 motor.max_speed_rpm: pump.internal_leakage_m3_s_sqrtpa = {:e}, pump.case_leakage_a_m3_s_sqrtpa = \
+                 {:e}",
+                leakage(pressure) * 60e3,
+                pressure * 1e-5,
+                delivered * 60e3,
+                n.internal_leakage,
+                n.case_leakage_a
+            ));
+        }
         let swept = std::f64::consts::FRAC_PI_4 * n.rod.powi(2) * n.stroke;
         let oil = n.accumulator_volume
             * (1.0 - (n.precharge + n.atmosphere) / (n.working_pressure + n.atmosphere));

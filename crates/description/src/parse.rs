@@ -5,7 +5,9 @@ use crate::excerpt::{Excerpt, excerpt, quoted};
 use crate::limit::{number_problem, valid_lengths, whole_segments};
 use crate::placeholder::{PLACEHOLDER, is_touched};
 use crate::schema::{Choices, KEYS, Key, LINKS, Numbers, StructureChoice};
-use crate::suggestion::{NAME, SEGMENT_LENGTHS, SEGMENTS, known_paths, suggestion};
+use crate::suggestion::{
+    NAME, SEGMENT_LENGTHS, SEGMENTS, is_section, known_paths, section_suggestion, suggestion,
+};
 use crate::{Description, Origin};
 use hydroboom_model::MAX_SEGMENTS;
 use std::ops::Range;
@@ -20,6 +22,9 @@ const MOST_PROBLEMS: usize = 20;
 
 /// Table of a machine's bus, which is read by whoever attaches the machine.
 const BUS: &str = "machine.ethercat";
+
+/// Section of that table.
+const MACHINE: &str = "machine";
 
 /// Section of a file of overrides, not allowed in a crane file.
 const OVERRIDES: &str = "set";
@@ -79,7 +84,9 @@ impl Reading<'_> {
         let Some(inner) = value else { return };
         let span = inner.span();
         let place = KEYS.iter().position(|key| key.path() == path);
-        if let (Some(range), None) = (range, place) {
+        if let (Some(range), None) = (range, place)
+            && known_paths().any(|known| known == path)
+        {
             let help = "leave `range` out here".into();
             let message = format!("`{path}` has no range: it is not a number of the machine");
             self.problem(range.span(), message, "no range here", help);
@@ -87,11 +94,15 @@ impl Reading<'_> {
         if let Some(index) = place {
             let Some(number) = number(inner.get_ref()) else {
                 let (read, wanted) = (inner.get_ref().type_str(), KEYS[index].unit);
+                let text = inner.get_ref().as_str().and_then(leading_number);
+                let remedy = text.map_or_else(String::new, |number| {
+                    format!("write {number} without quotes and unit if it is in {wanted}. ")
+                });
                 self.problem(
                     span,
                     format!("`{path}` is a number [{wanted}], not a {read}"),
                     "not a number",
-                    format!("{}: {}", path, KEYS[index].meaning),
+                    format!("{remedy}{}: {}", path, KEYS[index].meaning),
                 );
                 return;
             };
@@ -246,6 +257,22 @@ struct Stated<'v, 'i> {
     range: Option<&'v Spanned<DeValue<'i>>>,
 }
 
+/// Longest number that is looked for at the beginning of a text \[letters\].
+const LONGEST_NUMBER: usize = 40;
+
+/// The finite number at the beginning of a text, which may have a unit behind it.
+fn leading_number(text: &str) -> Option<&str> {
+    let text = text.trim();
+    let ends = text.char_indices().take(LONGEST_NUMBER).map(|(at, letter)| at + letter.len_utf8());
+    let number = ends
+        .filter_map(|end| text.get(..end))
+        .filter(|part| part.parse::<f64>().is_ok_and(f64::is_finite))
+        .last()?;
+    // 80,5 and 1_000 are other numbers than 80 and 1
+    let goes_on = text[number.len()..].starts_with(|letter: char| "_,.0123456789".contains(letter));
+    (!goes_on).then_some(number)
+}
+
 fn number(value: &DeValue<'_>) -> Option<f64> {
     match value {
         DeValue::Float(float) => float.as_str().replace('_', "").parse().ok(),
@@ -288,8 +315,25 @@ impl Description {
         let (document, errors) = DeTable::parse_recoverable(text);
         for error in &errors {
             let span = error.span().unwrap_or(0..0);
-            let help = "crane files are TOML: `key = value` lines under `[section]` headings";
-            reading.problem(span, quoted(error.message().trim()), "here", help.into());
+            let read = text.get(span.clone()).unwrap_or_default().trim();
+            let has_unit = |number: &&str| {
+                let rest = read[number.len()..].trim_start();
+                rest.starts_with(|letter: char| letter.is_alphabetic() || letter == '%')
+                    && !rest.contains(['\n', '='])
+            };
+            match leading_number(read).filter(has_unit) {
+                Some(number) => {
+                    let message =
+                        format!("`{}` is a number with something behind it", quoted(read));
+                    let help = format!("write {number} alone: the unit is in the name of the key");
+                    reading.problem(span, message, "here", help);
+                }
+                None => {
+                    let help =
+                        "crane files are TOML: `key = value` lines under `[section]` headings";
+                    reading.problem(span, quoted(error.message().trim()), "here", help.into());
+                }
+            }
         }
         if errors.is_empty() {
             for (section, body) in document.get_ref().iter() {
@@ -300,6 +344,11 @@ impl Description {
                     return Err(DescriptionError::of(file, message, Some(help)));
                 }
                 match body.get_ref().as_table() {
+                    Some(_) if section_name != MACHINE && !is_section(section_name) => {
+                        let message = format!("unknown section `[{}]`", quoted(section_name));
+                        let help = section_suggestion(section_name);
+                        reading.problem(section.span(), message, "unknown", help);
+                    }
                     Some(table) => {
                         for (key, value) in table.iter() {
                             let path = format!("{section_name}.{}", key.get_ref());

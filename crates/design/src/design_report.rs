@@ -7,7 +7,7 @@ use crate::small_signal_controller::SmallSignalController;
 use crate::{Actuation, DesignError, LinearisedPlant, Loop, Margins, margins};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use serde::Serialize;
 
 /// Load mode and stability margins of both loops at a piston position.
@@ -90,7 +90,7 @@ pub fn scheduled_lqr_loop_at(
 pub fn design_report(description: &Description, stroke: f64) -> Result<DesignReport, DesignError> {
     let crane = LinearisedPlant::new(description, stroke)?;
     Ok(DesignReport {
-        stroke_mm: stroke * 1e3,
+        stroke_mm: millimetres(stroke),
         load_mode: crane.load_mode().ok().copied(),
         benchmark: margins(&crane, &benchmark_loop(description))?,
         scheduled_lqr: margins(&crane, &scheduled_lqr_loop(description, stroke)?)?,

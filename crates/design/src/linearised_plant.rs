@@ -7,8 +7,8 @@ use crate::DesignError;
 use crate::frequency_response::FrequencyResponse;
 use crate::hydraulic_spring_fit::{hydraulic_spring, is_near};
 use crate::linear::{Mode, modes};
-use hydroboom_description::Description;
 use hydroboom_description::schema::FrictionChoice;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_model::{Input, Outputs, Scheme};
 use hydroboom_plant::plant;
 use nalgebra::{Complex, DMatrix};
@@ -70,7 +70,7 @@ impl LinearisedPlant {
         let row = |name: &str| -> Result<Vec<f64>, DesignError> {
             let k = Outputs::NAMES.iter().position(|n| *n == name);
             let none = || DesignError::NoMode {
-                stroke_mm: stroke * 1e3,
+                stroke_mm: millimetres(stroke),
                 reason: format!("the model has no output {name}"),
             };
             Ok(c.row(k.ok_or_else(none)?).iter().copied().collect())
@@ -161,6 +161,6 @@ impl LinearisedPlant {
 
     /// There is no such mode, and why.
     pub(crate) fn none(&self, reason: &str) -> DesignError {
-        DesignError::NoMode { stroke_mm: self.stroke * 1e3, reason: reason.into() }
+        DesignError::NoMode { stroke_mm: millimetres(self.stroke), reason: reason.into() }
     }
 }

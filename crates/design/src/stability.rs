@@ -6,7 +6,7 @@ use crate::scheduled_lqr::{designed, known_delay};
 use crate::unstable_poles::{GrowingPoles, growing_poles};
 use crate::{Actuation, DesignError, LinearisedPlant, Loop};
 use hydroboom_control::strategy::Strategy;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_math::Real;
 use serde::Serialize;
 use std::fmt;
@@ -119,6 +119,12 @@ fn closed_by(strategy: Strategy) -> &'static [&'static str] {
         Strategy::ScheduledLqr => &[SCHEDULED_LQR],
     }
 }
+
+/// Remedy for a benchmark controller with too little margin.
+pub const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
+/// Remedy for a scheduled LQR with too little margin.
+pub const LOWERS_GAINS: &str = "a smaller scheduled_lqr.command_tolerance_mm_s or a larger \
+    scheduled_lqr.position_tolerance_mm lowers its gains";
 
 /// Names of the loops.
 const BENCHMARK: &str = "benchmark";
@@ -294,11 +300,18 @@ pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
 /// plant](unstable_on_ideal_equipment); `None` without such loops.
 pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
     let names: Vec<&str> = unstable.iter().map(|of| of.controller).collect();
+    let remedies: Vec<&str> = unstable
+        .iter()
+        .map(|of| if of.is_benchmark() { FINDS_GAINS } else { LOWERS_GAINS })
+        .collect();
     (!names.is_empty()).then(|| {
         format!(
-            "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE. The design \
-             assumes the lags of drive and fieldbus",
-            names.join(" and of the ")
+            "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop \
+             of the {} is UNSTABLE. The design assumes the lags of drive and fieldbus: run it on a plant that has \
+             them, as `motion --plant virtual` does, or a model of your own with lag and dead time of the drive and \
+             delay of the fieldbus. For a plant without them {}",
+            names.join(" and of the "),
+            remedies.join(", and ")
         )
     })
 }
@@ -331,7 +344,7 @@ fn poles(
         let crane = LinearisedPlant::new(machine.unwrap_or(model), stroke)?;
         let around = around(stroke)?;
         let around = machine.map_or_else(|| around.clone(), |machine| around.clone().on(machine));
-        Ok((stroke * 1e3, growing_poles(&crane, &around)?))
+        Ok((millimetres(stroke), growing_poles(&crane, &around)?))
     };
     judged_positions().map(one).collect()
 }

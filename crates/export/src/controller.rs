@@ -121,7 +121,7 @@ pub fn controller(description: &Description) -> Result<Block, ExportError> {
         Block {
             name: "benchmark_controller".into(),
             meaning: format!(
-                "{}: benchmark controller (section 2.3.1) that holds and releases the load",
+                "{}: benchmark controller (section 2.3.1 of doi:10.3390/act14020080) that holds and releases the load",
                 description.name
             ),
             graph: Rc::default(),

@@ -50,6 +50,9 @@ pub fn run(
         let mut document: DocumentMut = crane.text()?.parse().into_diagnostic()?;
         write_gains(&mut document, &design);
         output::file(path, document.to_string().as_bytes());
+        if let Some(remark) = remark_on_wider_range(payload_range(description), payload) {
+            output::warn(&remark);
+        }
     }
     if as_json {
         return output::json(&json!({
@@ -91,6 +94,19 @@ pub fn run(
         text += &output::named("crane file", path);
     }
     output::text(&text)
+}
+
+/// Remark if the crane file's range of payloads \[kg\], which is not written, is wider than that of the design.
+fn remark_on_wider_range([low, high]: [f64; 2], design: [f64; 2]) -> Option<String> {
+    let is_wider = low < design[0] || high > design[1];
+    let [low, high, least, most] = [low, high, design[0], design[1]].map(output::short);
+    is_wider.then(|| {
+        format!(
+            "the gains are for payloads of {least} to {most} kg, and `range` of payload.mass_kg is still {low} to \
+             {high} kg: narrow it too, or `motion --family` and `trials` go on with loads for which the gains are not \
+             tuned"
+        )
+    })
 }
 
 /// Row of gains with their worst margins; dashes for an unstable loop and for infinite margins.
@@ -235,8 +251,9 @@ pub fn for_comparison(
         Ok(design) => {
             let g = design.gains;
             let remark = format!(
-                "the file's gains are not tuned for this comparison ({reason}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
-                 --benchmark --payload-kg {:.0}:{:.0}`; --gains-as-given keeps the file's",
+                "the file's gains are not tuned for this comparison ({reason}): the benchmark has K_p = {} 1/s, K_i = \
+                 {} 1/s2, k_f = {} m3/(s Pa), tau = {} s, by `hydroboom design --benchmark --payload-kg {:.0}:{:.0}`; \
+                 --gains-as-given keeps the file's",
                 output::short(g.proportional_per_s),
                 output::short(g.integral_per_s2),
                 output::short(g.pressure_feedback_m3_per_spa),
@@ -263,6 +280,15 @@ mod tests {
         // `design --benchmark` fails with the same sentence
         let report = Err::<(), _>(error).into_diagnostic().unwrap_err();
         assert!(report.to_string().contains("has not converged: after 12 worst cases"), "{report}");
+    }
+
+    #[test]
+    fn a_payload_range_wider_than_that_of_the_design_is_reported() {
+        let remark = remark_on_wider_range([0.0, 600.0], [200.0, 600.0]).unwrap();
+        assert!(remark.contains("payloads of 200 to 600 kg, and `range`"), "{remark}");
+        assert!(remark.contains("is still 0 to 600 kg: narrow it too"), "{remark}");
+        assert_eq!(remark_on_wider_range([200.0, 600.0], [200.0, 600.0]), None);
+        assert_eq!(remark_on_wider_range([200.0, 600.0], [0.0, 700.0]), None);
     }
 
     #[test]

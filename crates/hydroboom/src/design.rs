@@ -2,6 +2,7 @@
 
 use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::{OutputFile, OutputFolder};
 use clap::Args;
@@ -9,10 +10,10 @@ use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
 use hydroboom_design::observability::observability;
 use hydroboom_design::stability::{
-    POSITIONS, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
-    unstable_on_ideal_equipment,
+    FINDS_GAINS, LOWERS_GAINS, POSITIONS, benchmark_stability, remark_on_ideal_equipment,
+    scheduled_lqr_stability, unstable_on_ideal_equipment,
 };
-use hydroboom_design::{DesignReport, design_report};
+use hydroboom_design::{DesignReport, Margins, design_report};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
@@ -34,7 +35,8 @@ type Payloads = [f64; 2];
 pub struct Design {
     #[command(flatten)]
     crane: CraneFile,
-    /// Number of virtual cranes for the distribution of the margins; the worst is named.
+    /// Number of virtual cranes for the distribution of the margins; the worst is named. They are drawn around the
+    /// virtual crane of the crane file, without --crane the paper's.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,
     /// Seed of the family.
@@ -79,8 +81,7 @@ impl Design {
         let at = |share: &f64| design_report(&crane, share * crane.numbers.stroke);
         let reports =
             POSITIONS.iter().map(at).collect::<Result<Vec<DesignReport>, _>>().into_diagnostic()?;
-        let family = self.family.map(|count| family_margins(&crane, count, self.seed));
-        let family = family.transpose().into_diagnostic()?;
+        let family = self.family.map(|count| self.family_of(&crane, count)).transpose()?;
         let loops = [
             benchmark_stability(&crane, None).into_diagnostic()?,
             scheduled_lqr_stability(&crane, None).into_diagnostic()?,
@@ -94,7 +95,9 @@ impl Design {
         if self.json {
             return output::json(&json!({
                 "crane": crane.name, "positions": reports, "stable": loops.iter().all(|of| of.stable),
-                "loops": loops, "unstable_on_ideal_equipment": on_ideal, "family": family,
+                "loops": loops, "unstable_on_ideal_equipment": on_ideal,
+                "family": family.as_ref().map(|(_, margins)| margins),
+                "plant": family.as_ref().map(|(choice, _)| choice.json()),
             }));
         }
         let mut text = format!(
@@ -104,8 +107,8 @@ impl Design {
         );
         text += "\n\
             PM phase margin, GM gain margin, d modulus margin (smallest distance from -1). \
-            The machine equals the model, with the lags of drive and fieldbus that the controllers expect before \
-            identification.";
+            Frequencies are those of the highest gain crossover and of d. The machine equals the model, with the lags \
+            of drive and fieldbus that the controllers expect before identification.";
         text += &format!(
             "\nPayload {:.0} kg, load-holding valve open, sliding friction, {:.0} bar at the rod side; `eigen` has the load held.",
             crane.numbers.payload,
@@ -113,18 +116,34 @@ impl Design {
         );
         for unstable in loops.iter().filter(|of| !of.stable) {
             let remedy = match unstable.controller {
-                "benchmark" => "; `hydroboom design --benchmark` finds gains",
-                _ => "",
+                "benchmark" => FINDS_GAINS,
+                _ => LOWERS_GAINS,
             };
-            text += &format!("\n{unstable}; it has no margins there{remedy}");
+            text += &format!("\n{unstable}; it has no margins there; {remedy}");
         }
         if let Some(remark) = remark_on_ideal_equipment(&on_ideal) {
             text += &format!("\n{remark}");
         }
-        if let Some(family) = &family {
-            text += &format!("\n\n{}", over_family(family));
+        if let Some((choice, family)) = &family {
+            text += &format!("\n\n{}", over_family(&choice.name(), family));
         }
         output::text(&text)
+    }
+
+    /// The crane that the family is drawn around, and the margins over the family.
+    ///
+    /// # Errors
+    ///
+    /// If a crane of the family cannot be built or linearised.
+    fn family_of(
+        &self,
+        crane: &Description,
+        count: u64,
+    ) -> Result<(MachineChoice, Vec<FamilyMargins>)> {
+        let choice = MachineChoice::of(crane.clone(), &self.crane, None)?;
+        let margins = family_margins(&choice.model, &choice.machine, (count, self.seed));
+        let margins = margins.into_diagnostic()?;
+        Ok((choice, margins))
     }
 
     /// Prints the observability of the estimator's states: reduction of each standard deviation by each phase.
@@ -178,8 +197,8 @@ fn modulus(distance: f64) -> String {
     output::optional(Some(distance).filter(|d| d.is_finite()), 2)
 }
 
-/// Table of the margins over a family, with its conditions.
-fn over_family(family: &[FamilyMargins]) -> String {
+/// Table of the margins over a family that is drawn around the named crane, with its conditions.
+fn over_family(nominal: &str, family: &[FamilyMargins]) -> String {
     let header = [
         "over the family",
         "unstable",
@@ -192,9 +211,10 @@ fn over_family(family: &[FamilyMargins]) -> String {
         "PM [deg]",
     ];
     format!(
-        "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out, with its own drive, \
-         fieldbus and sensors. The controllers know the model file and the weighed payload. PM, GM and d are those of the stable loops. \
-         Cranes are numbered from 0.",
+        "{}\nEvery crane of the family, drawn around \"{nominal}\", at three piston positions, linearised at rest as \
+         its pump begins to lift, friction left out, with its own drive, fieldbus and sensors. The controllers know \
+         the model file and the weighed payload. PM, GM and d are those of the stable loops. Cranes are numbered from \
+         0.",
         output::table(&header, &family.iter().map(over_family_row).collect::<Vec<_>>())
     )
 }
@@ -223,36 +243,44 @@ fn table(reports: &[DesignReport]) -> String {
     let rows: Vec<Vec<String>> = reports
         .iter()
         .map(|l| {
-            let margins = |m: &hydroboom_design::Margins| match m.is_stable() {
-                true => {
-                    format!("{} / {} / {:.2}", phase(m.phase_deg), gain(m.gain), m.modulus_margin)
-                }
-                false => "unstable".into(),
-            };
-            vec![
+            let mut row = vec![
                 format!("{:.0}", l.stroke_mm),
                 l.load_mode.map_or_else(
                     || "overdamped".into(),
                     |mode| format!("{:.2} Hz, {:.3}", mode.frequency_hz, mode.damping_ratio),
                 ),
-                margins(&l.benchmark),
-                margins(&l.scheduled_lqr),
-            ]
+            ];
+            row.extend(margin_cells(&l.benchmark));
+            row.extend(margin_cells(&l.scheduled_lqr));
+            row
         })
         .collect();
     let header = [
         "stroke [mm]",
         "load mode, damping ratio",
         "benchmark: PM [deg] / GM / d",
+        "crossover / d at [Hz]",
         "scheduled LQR: PM [deg] / GM / d",
+        "crossover / d at [Hz]",
     ];
     output::table(&header, &rows)
+}
+
+/// Cells of a loop: its margins, and the frequencies of gain crossover and modulus margin.
+fn margin_cells(m: &Margins) -> [String; 2] {
+    if !m.is_stable() {
+        return ["unstable".into(), "-".into()];
+    }
+    let [crossover, at] = [m.crossover_hz, m.at_hz].map(output::three_digits);
+    [
+        format!("{} / {} / {:.2}", phase(m.phase_deg), gain(m.gain), m.modulus_margin),
+        format!("{crossover} / {at}"),
+    ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_design::Margins;
 
     /// Margins of a loop whose gain is below one at all frequencies.
     const WITHOUT_CROSSOVER: Margins = Margins {
@@ -276,5 +304,15 @@ mod tests {
         assert!(json["benchmark"]["crossover_hz"].is_null(), "{json}");
         let text = table(&[report]);
         assert!(text.contains("- / - / 0.90") && text.contains("unstable"), "{text}");
+        assert!(text.contains("- / 5.00"), "{text}");
+    }
+
+    /// A small modulus margin is that of a resonance if its frequency is that of the resonance.
+    #[test]
+    fn the_table_names_the_frequencies_of_crossover_and_modulus_margin() {
+        let lqr = Margins { gain: 3.0, phase_deg: 36.0, crossover_hz: 33.21, ..WITHOUT_CROSSOVER };
+        assert_eq!(margin_cells(&lqr), ["36 / 3.0 / 0.90", "33.2 / 5.00"]);
+        let unstable = Margins { unstable_poles: 2, ..lqr };
+        assert_eq!(margin_cells(&unstable), ["unstable", "-"]);
     }
 }

@@ -28,7 +28,7 @@ use serde_json::json;
 pub struct Faults {
     #[command(flatten)]
     crane: CraneFile,
-    /// Only faults whose name contains this.
+    /// Only faults whose name contains this, in the same case, as "p_A stuck"; a text that none has lists the names.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
     /// All cranes, with their valve at both ends of its range of time, and pairs of faults; half an
@@ -54,6 +54,24 @@ pub struct Faults {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// Longest line of listed names \[letters\].
+const LONGEST_LINE: usize = 100;
+
+/// Names in lines that fit a screen.
+fn in_lines(names: &[String]) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for name in names {
+        match lines.last_mut() {
+            Some(line) if line.len() + name.len() + 2 <= LONGEST_LINE => {
+                line.push_str(", ");
+                line.push_str(name);
+            }
+            _ => lines.push(name.clone()),
+        }
+    }
+    lines.join("\n")
 }
 
 /// Largest number of cases beyond their bounds that are printed.
@@ -82,7 +100,13 @@ impl Faults {
             Fault::all().into_iter().filter(|fault| fault.name().contains(part)).collect();
         if faults.is_empty() {
             let names: Vec<String> = Fault::all().into_iter().map(Fault::name).collect();
-            miette::bail!(help = names.join(", "), "no fault's name contains \"{part}\"");
+            miette::bail!(
+                help = format!(
+                    "--only takes every fault whose name contains its text, in the same case:\n{}",
+                    in_lines(&names)
+                ),
+                "no fault's name contains \"{part}\""
+            );
         }
         let cranes = self.cranes()?;
         let mut cases = Vec::new();

@@ -8,6 +8,7 @@ mod calibrate;
 mod check;
 mod commission;
 mod commissioning_basis;
+mod controller_model;
 mod crane_file;
 mod design;
 mod difference_text;
@@ -50,6 +51,7 @@ mod validate;
 mod verdict_text;
 mod virtual_crane;
 
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use miette::{MietteHandlerOpts, Result};
 use std::io::IsTerminal;
@@ -111,11 +113,13 @@ fn main() -> ExitCode {
     }));
     // the hook is set here only; without it errors have a simpler format
     drop(is_set);
-    let matches =
-        with_negative_numbers(Arguments::command()).try_get_matches().unwrap_or_else(|error| {
+    let matches = with_negative_numbers(Arguments::command()).try_get_matches().unwrap_or_else(
+        |mut error| {
+            suggest_crane_option(&mut error);
             output::usage(&error);
             std::process::exit(error.exit_code())
-        });
+        },
+    );
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = paths::check(&matches).and_then(|()| run(arguments.command));
     match output::conclude(result) {
@@ -139,6 +143,20 @@ fn with_negative_numbers(mut command: clap::Command) -> clap::Command {
         true => argument.allow_negative_numbers(true),
         false => argument,
     })
+}
+
+/// Names the option of a crane file where such a file stands by itself.
+fn suggest_crane_option(error: &mut clap::Error) {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return;
+    }
+    let tip = match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(argument)) if argument.ends_with(".toml") => {
+            format!("a crane file is named by '--crane {argument}'")
+        }
+        _ => return,
+    };
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
 }
 
 /// Runs a command.

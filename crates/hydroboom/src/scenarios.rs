@@ -1,6 +1,7 @@
 //! `hydroboom scenarios`
 
-use crate::crane_file::{CraneFile, text};
+use crate::controller_model::controller_model;
+use crate::crane_file::CraneFile;
 use crate::output;
 use crate::paths::InputFile;
 use clap::Args;
@@ -24,7 +25,8 @@ pub struct Scenarios {
     crane: CraneFile,
     /// Scenario to run on the virtual crane; the list when not given.
     name: Option<String>,
-    /// Crane file of the controllers' model. Default: the paper's crane.
+    /// Crane file of the controllers' model. Default: the file of --crane without --set, the paper's crane for its
+    /// virtual crane.
     #[arg(long, value_name = "FILE")]
     model: Option<InputFile>,
     /// Print JSON.
@@ -42,10 +44,7 @@ impl Scenarios {
         let crane = self.crane.read_or(Description::uia_virtual)?;
         let Some(name) = &self.name else { return list(&crane, self.json) };
         let scenario = CourseChoice::Scenario(name.clone()).of(&crane).into_diagnostic()?;
-        let model = match &self.model {
-            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => Description::uia_single_boom()?,
-        };
+        let model = controller_model(&self.crane, self.model.as_deref())?;
         let bar = ProgressBar::new(1000);
         let results = strategies(&model, &crane, scenario.as_ref(), |share| {
             bar.set_position((share * 1000.0) as u64);

@@ -118,6 +118,15 @@ impl Simulate {
         }
         let crane = result.crane;
         let outputs = crane.outputs();
+        // a speed equal to the limit but for the rounding of its unit is not beyond it
+        if result.largest_motor_speed > n.motor_speed * (1.0 + 1e-9) {
+            output::warn(&format!(
+                "the motor turns at up to {:.0} rpm, more than motor.max_speed_rpm = {:.0}: a simulation has no \
+                 limits of the motor",
+                result.largest_motor_speed * 60.0,
+                n.motor_speed * 60.0
+            ));
+        }
         if self.json {
             let values: serde_json::Map<_, _> = Outputs::NAMES
                 .iter()
@@ -127,12 +136,14 @@ impl Simulate {
                 .collect();
             return output::json(&json!({
                 "time_s": crane.time(), "substeps": crane.substeps(), "outputs": values,
-                "log": self.log,
+                "largest_motor_speed_rpm": result.largest_motor_speed * 60.0,
+                "peak_pressure_bar": result.peak_pressure * 1e-5, "log": self.log,
             }));
         }
         let mut text = format!(
             "after {:.3} s (substeps per step: {}): x_cyl {:.3} mm, v_cyl {:.4} mm/s, p_A {:.2} bar, \
-             p_B {:.2} bar, p_PA {:.2} bar, p_PB {:.2} bar, p_acc {:.3} bar",
+             p_B {:.2} bar, p_PA {:.2} bar, p_PB {:.2} bar, p_acc {:.3} bar; largest motor speed {:.0} rpm, \
+             peak pressure {:.1} bar",
             crane.time(),
             crane.substeps(),
             outputs.stroke * 1e3,
@@ -142,6 +153,8 @@ impl Simulate {
             outputs.pressure_pump_a * 1e-5,
             outputs.pressure_pump_b * 1e-5,
             outputs.pressure_accumulator * 1e-5,
+            result.largest_motor_speed * 60.0,
+            result.peak_pressure * 1e-5,
         );
         if outputs.cavity_volume > 0.0 {
             text += &format!("; CAVITATING, {:.3} mL of vapour", outputs.cavity_volume * 1e6);

@@ -2,7 +2,7 @@
 
 use crate::linearise::{Mode, mode_shape, modes};
 use crate::{LabError, paper, plant};
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_model::{Input, Scheme};
 use serde::Serialize;
 
@@ -250,7 +250,7 @@ pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
     let pressures = || without.pressure_a.iter().map(|pressure| pressure * 1e-5);
     let index = paper::EIGEN_STROKE_MM.iter().position(|x| (x - stroke * 1e3).abs() < 1e-6);
     Ok(Row {
-        stroke_mm: stroke * 1e3,
+        stroke_mm: millimetres(stroke),
         oscillation_hz: measured(&with),
         frictionless_hz: measured(&without),
         frictionless_bar: [

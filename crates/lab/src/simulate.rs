@@ -145,6 +145,10 @@ fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
 pub struct Simulated {
     /// The crane in its final state.
     pub crane: Box<dyn Plant>,
+    /// Largest magnitude of the motor speed \[rev/s\]. The input has no limit.
+    pub largest_motor_speed: f64,
+    /// Largest gauge pressure in a chamber or on a side of the pump \[Pa\].
+    pub peak_pressure: f64,
     /// Error of writing the requested log; success if none was requested.
     pub log: Result<(), FileError>,
 }
@@ -195,6 +199,7 @@ pub fn simulate(
         return Err(LabError::Step { step_us: settings.step * 1e6, duration_s: duration });
     }
     let mut log = log.map(|path| Log::begin(path, &header(crane.as_ref())));
+    let (mut largest_motor_speed, mut peak_pressure) = (0.0_f64, highest(&crane.outputs()));
     let steps = (duration / settings.step).round() as u64;
     let every = (settings.log_interval / settings.step).round().max(1.0) as u64;
     for k in 0..=steps {
@@ -212,8 +217,18 @@ pub fn simulate(
             progress(k as f64 / steps.max(1) as f64);
         }
         if k < steps {
-            crane.advance(&held_from(time), 1).map_err(LabError::during("simulation"))?;
+            let held = held_from(time);
+            crane.advance(&held, 1).map_err(LabError::during("simulation"))?;
+            largest_motor_speed = largest_motor_speed.max(held.pump_speed.abs());
+            peak_pressure = peak_pressure.max(highest(&crane.outputs()));
         }
     }
-    Ok(Simulated { crane, log: log.map_or(Ok(()), Log::finish) })
+    let log = log.map_or(Ok(()), Log::finish);
+    Ok(Simulated { crane, largest_motor_speed, peak_pressure, log })
+}
+
+/// Highest gauge pressure of chambers and pump \[Pa\].
+fn highest(outputs: &Outputs<f64>) -> f64 {
+    let chambers = outputs.pressure_a.max(outputs.pressure_b);
+    chambers.max(outputs.pressure_pump_a).max(outputs.pressure_pump_b)
 }

@@ -1,11 +1,11 @@
 //! Interface of a simulated crane, independent of the number of its segments.
 
-use hydroboom_description::{BuildError, Description};
+use hydroboom_description::{BuildError, Description, millimetres};
 use hydroboom_math::Dual;
 use hydroboom_model::energy::{Energy, Power};
 use hydroboom_model::{
-    CraneRates, CraneState, Flows, Input, Nodes, Outputs, Scheme, Simulation, SimulationError,
-    Start, StepLimit,
+    CraneRates, CraneState, Flows, Input, Invalid, Nodes, Outputs, Scheme, Simulation,
+    SimulationError, Start, StepLimit,
 };
 use nalgebra::DMatrix;
 use thiserror::Error;
@@ -17,7 +17,7 @@ pub enum PlantError {
     #[error(transparent)]
     Build(#[from] BuildError),
     /// The step does not suit the scheme, or the state is not valid.
-    #[error("starting the simulation: {0}")]
+    #[error("starting the simulation: {0}{remedy}", remedy = remedy(.0))]
     Simulation(SimulationError),
     /// Piston position outside the stroke.
     #[error("the piston's stroke is 0 to {longest_mm} mm, not {asked_mm} mm")]
@@ -33,6 +33,16 @@ pub enum PlantError {
          effects"
     )]
     Make,
+}
+
+/// Keys to check where a crane cannot start, for a message; empty where the error names its cause.
+fn remedy(error: &SimulationError) -> &'static str {
+    match error {
+        SimulationError::Invalid { reason: Invalid::Bending, .. } => {
+            ": it is too weak for the load; check boom.second_moment_cm4, boom.youngs_modulus_gpa and payload.mass_kg"
+        }
+        _ => "",
+    }
 }
 
 /// Simulated crane, independent of the number of its segments.
@@ -108,7 +118,8 @@ pub fn plant(
 ) -> Result<Box<dyn Plant>, PlantError> {
     let longest = description.numbers.stroke;
     if !(0.0..=longest).contains(&start.stroke) {
-        return Err(PlantError::Stroke { asked_mm: start.stroke * 1e3, longest_mm: longest * 1e3 });
+        let [asked_mm, longest_mm] = [start.stroke, longest].map(millimetres);
+        return Err(PlantError::Stroke { asked_mm, longest_mm });
     }
     match description.coordinates() {
         3 if description.segment_shares.len() == 3 => sized::<3>(description, start, scheme, step),

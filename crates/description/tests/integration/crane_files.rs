@@ -44,6 +44,40 @@ fn an_unknown_key_is_refused_with_a_suggestion() {
     assert!(message.contains("did you mean `boom.length_mm`?"), "{message}");
 }
 
+/// One problem, in place of one for each of its keys.
+#[test]
+fn an_unknown_section_is_refused_with_a_suggestion() {
+    let message = refused(&changed("[pump]", "[pumpe]"));
+    assert_eq!(message, "unknown section `[pumpe]` (did you mean `[pump]`?)\n");
+    let message =
+        refused(&format!("{UIA_SINGLE_BOOM}\n[zzzz]\nflow = {{ value = 1, range = [0, 2] }}\n"));
+    assert_eq!(message, "unknown section `[zzzz]` (`hydroboom show` lists all keys)\n");
+    // a misspelt key with a range is unknown, and nothing else
+    let message = refused(&changed("flow_gain  ", "flow_gian  "));
+    assert_eq!(message, "unknown key `pump.flow_gian` (did you mean `pump.flow_gain`?)\n");
+}
+
+#[test]
+fn a_number_with_its_unit_is_refused_with_the_number_alone() {
+    let from = "piston_mm               = { value = 65.0, provenance = \"printed\", source = \"section 2.2\" }";
+    let message = refused(&changed(from, "piston_mm = 80 mm"));
+    assert!(message.contains("write 80 alone: the unit is in the name of the key"), "{message}");
+    let message = refused(&changed(from, "piston_mm = \"80 mm\""));
+    assert!(message.contains("write 80 without quotes and unit if it is in mm"), "{message}");
+    let message = refused(&changed(from, "piston_mm = \"80,5\""));
+    assert!(message.contains("not a string") && !message.contains("write 80"), "{message}");
+}
+
+/// Ten thousand times the leakage: the pump loses more than it displaces.
+#[test]
+fn leakage_beyond_the_pumps_delivery_gives_a_warning() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("pump.internal_leakage_m3_s_sqrtpa=3.4e-6").unwrap();
+    let warnings = crane.warnings();
+    let key = "pump.internal_leakage_m3_s_sqrtpa = 3.4e-6";
+    assert!(warnings.iter().any(|warning| warning.contains(key)), "{warnings:?}");
+}
+
 #[test]
 fn a_value_in_the_wrong_unit_is_refused_with_a_hint() {
     let message = refused(&changed("value = 10.6,", "value = 10.6e-6,"));

@@ -2,6 +2,7 @@
 
 use hydroboom_control::supervision::frame::FrameInput;
 use hydroboom_description::Description;
+use hydroboom_design::benchmark_design::payload_range;
 
 /// Kind of error of an input signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,11 +109,20 @@ impl Case {
 
 /// Time at standstill before the course \[s\].
 const REST: f64 = 1.0;
-/// Payloads of the engagement cases \[kg\].
+/// Payloads of the engagement cases \[kg\] for the payload range of the paper's crane: from the empty hook to an
+/// overload.
 const PAYLOADS: [f64; 4] = [0.0, 200.0, 318.0, 450.0];
-/// Payloads of the motion cases \[kg\], combined with several initial positions.
+/// Payloads of the motion cases \[kg\] for that range, combined with several initial positions.
 const MOVED: [f64; 5] = [0.0, 60.0, 200.0, 318.0, 450.0];
-const FROM: [f64; 3] = [0.06, 0.2, 0.35];
+/// Payloads of another crane beside its nominal one, as shares of its payload range \[-\]: of the engagement cases and
+/// of the motion cases.
+const PAYLOAD_SHARES: [f64; 3] = [0.0, 0.5, 1.0];
+const MOVED_SHARES: [f64; 4] = [0.0, 0.15, 0.5, 1.0];
+/// Initial piston positions as shares of the stroke \[-\]: 60, 200 and 350 mm of the paper's crane.
+const FROM: [f64; 3] = [0.12, 0.4, 0.7];
+/// Travel of the course as a share of the stroke \[-\], which leads no position above beyond an end: 150 mm of the
+/// paper's crane.
+pub(super) const TRAVEL: f64 = 0.3;
 /// Hold times before the release \[s\].
 const HELD: [f64; 3] = [1.0, 10.0, 60.0];
 /// Factors on the proportional gain.
@@ -120,10 +130,27 @@ const GAINS: [f64; 3] = [0.5, 1.5, f64::NAN];
 /// Durations of input errors \[control periods\].
 const PERIODS: [u32; 3] = [1, 10, 1000];
 
-/// All test cases for a crane: engagement at both ends of the stroke and at 60, 200 and 350 mm with payloads of 0 to
-/// 450 kg; holds of 1, 10 and 60 s; changed gains; every kind of error in every input, at standstill and in motion.
+/// Payloads of test cases \[kg\], lightest first: those of the paper's crane for its payload range, else the nominal
+/// one and shares of the crane file's range.
+fn payloads(model: &Description, of_paper: &[f64], shares: &[f64]) -> Vec<f64> {
+    let [low, high] = payload_range(model);
+    let is_papers = |paper: &Description| payload_range(paper) == [low, high];
+    if Description::uia_single_boom().is_ok_and(|paper| is_papers(&paper)) {
+        return of_paper.to_vec();
+    }
+    let of_range = shares.iter().map(|share| low + share * (high - low));
+    let mut all: Vec<f64> = of_range.chain([model.numbers.payload]).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// All test cases for a crane: engagement at both ends of the stroke and at three positions between, with payloads from
+/// the least to the largest; holds of 1, 10 and 60 s; changed gains; every kind of error in every input, at standstill
+/// and in motion.
 pub fn cases(model: &Description) -> Vec<Case> {
     let n = &model.numbers;
+    let [_, middle, _] = FROM.map(|share| share * n.stroke);
     let mut cases = Vec::new();
     let case = |payload, stroke, held| Case {
         payload,
@@ -134,11 +161,13 @@ pub fn cases(model: &Description) -> Vec<Case> {
         disturbed: None,
         gain: None,
     };
-    for stroke in [0.0, 0.06, 0.2, 0.35, n.stroke] {
-        cases.extend(PAYLOADS.map(|payload| case(payload, stroke, HELD[0])));
+    let payloads = payloads(model, &PAYLOADS, &PAYLOAD_SHARES);
+    for share in [0.0].into_iter().chain(FROM).chain([1.0]) {
+        let stroke = share * n.stroke;
+        cases.extend(payloads.iter().map(|payload| case(*payload, stroke, HELD[0])));
     }
-    cases.extend(HELD[1..].iter().map(|held| case(n.payload, 0.2, *held)));
-    let undisturbed = Case { moves: true, ..case(n.payload, 0.2, HELD[0]) };
+    cases.extend(HELD[1..].iter().map(|held| case(n.payload, middle, *held)));
+    let undisturbed = Case { moves: true, ..case(n.payload, middle, HELD[0]) };
     cases.push(undisturbed.clone());
     for factor in GAINS {
         for moment in [Moment::Rest, Moment::Motion] {
@@ -158,8 +187,8 @@ pub fn cases(model: &Description) -> Vec<Case> {
     cases
 }
 
-/// Undisturbed motions at the fast speed with payloads of 0 to 450 kg, from 60, 200 and 350 mm, for comparing
-/// controllers.
+/// Undisturbed motions at the fast speed with payloads from the least to the largest, from three positions, for
+/// comparing controllers.
 pub fn moves(model: &Description) -> Vec<Case> {
     let moved = |payload: f64, stroke: f64| Case {
         payload,
@@ -170,6 +199,48 @@ pub fn moves(model: &Description) -> Vec<Case> {
         disturbed: None,
         gain: None,
     };
-    let all = FROM.iter().filter(|from| **from < model.numbers.stroke);
-    all.flat_map(|stroke| MOVED.map(|payload| moved(payload, *stroke))).collect()
+    let payloads = payloads(model, &MOVED, &MOVED_SHARES);
+    let from = FROM.map(|share| share * model.numbers.stroke);
+    let along = |stroke: f64| payloads.iter().map(move |payload| moved(*payload, stroke));
+    from.into_iter().flat_map(along).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_description::UIA_SINGLE_BOOM;
+
+    /// Payloads \[kg\] and initial positions \[mm\] of the motions, in their order.
+    fn moved(model: &Description) -> Vec<(f64, f64)> {
+        moves(model).iter().map(|case| (case.payload, (case.stroke * 1e6).round() * 1e-3)).collect()
+    }
+
+    #[test]
+    fn cases_of_the_papers_crane_are_those_of_its_tests() {
+        let paper = Description::uia_single_boom().unwrap();
+        let each = |from: f64| [0.0, 60.0, 200.0, 318.0, 450.0].map(|payload| (payload, from));
+        assert_eq!(moved(&paper), [60.0, 200.0, 350.0].map(each).concat());
+        let engaged = cases(&paper);
+        let name = |at: usize| engaged[at].name();
+        assert_eq!(name(0), "0 kg at 0 mm, held for 1 s");
+        assert_eq!(name(6), "318 kg at 60 mm, held for 1 s");
+        assert_eq!(name(19), "450 kg at 500 mm, held for 1 s");
+        assert_eq!(name(20), "307 kg at 200 mm, held for 10 s");
+        assert_eq!(name(22), "307 kg moved from 200 mm at the fast speed");
+        // positions by their shares are those in millimetres to the last digit
+        assert!(engaged.iter().all(|case| [0.0, 0.06, 0.2, 0.35, 0.5].contains(&case.stroke)));
+    }
+
+    #[test]
+    fn cases_of_another_crane_are_of_its_payload_range_and_stroke() {
+        let text = UIA_SINGLE_BOOM.replacen("range = [0.0, 370.0]", "range = [50.0, 450.0]", 1);
+        let mut crane = Description::parse("crane.toml", &text).unwrap();
+        crane.set("cylinder.stroke_mm=600").unwrap();
+        let each = |from: f64| [50.0, 110.0, 250.0, 307.0, 450.0].map(|payload| (payload, from));
+        assert_eq!(moved(&crane), [72.0, 240.0, 420.0].map(each).concat());
+        assert_eq!(cases(&crane)[0].name(), "50 kg at 0 mm, held for 1 s");
+        // a nominal payload at an end of the range is no case of its own
+        crane.set("payload.mass_kg=50").unwrap();
+        assert_eq!(moved(&crane).len(), 3 * MOVED_SHARES.len());
+    }
 }

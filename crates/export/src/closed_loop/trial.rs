@@ -1,6 +1,6 @@
 //! One trial of an exported controller on the virtual crane.
 
-use super::case::{Case, Disturbed, Moment};
+use super::case::{Case, Disturbed, Moment, TRAVEL};
 use super::target::{Target, TargetError};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
@@ -92,8 +92,6 @@ pub enum TrialError {
 
 /// Time limit for a release \[s\].
 const RELEASED_WITHIN: f64 = 60.0;
-/// Travel of the course \[m\].
-const TRAVEL: f64 = 0.15;
 /// Duration of engagement after the takeover \[s\].
 const ENGAGED: f64 = 1.0;
 /// Time after the course \[s\].
@@ -190,9 +188,10 @@ pub fn run(
 fn course(model: &Description, case: &Case) -> OutAndBack<f64> {
     let n = &model.numbers;
     let up = case.stroke < 0.5 * n.stroke;
+    let travel = TRAVEL * n.stroke;
     OutAndBack {
         start: case.stroke,
-        end: case.stroke + if up { TRAVEL } else { -TRAVEL },
+        end: case.stroke + if up { travel } else { -travel },
         speed: n.fast,
         ramp: n.ramp,
         dwell: AFTER,

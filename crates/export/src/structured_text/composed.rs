@@ -89,7 +89,7 @@ IF iStep = 0 THEN
         pLSim := fbHydraulics.pL, {given});
     bChanged := FALSE;
 END_IF;
-(* position, velocity and force of the step's beginning go between the blocks (section 5.1) *)
+(* values of the step's beginning go between the blocks (doi:10.3390/act14020080, section 5.1) *)
 fbHydraulics(bReset := FALSE, bPrepare := bPrepare, nPump := fbController.nMotor, uValve := 1.0E0,
     xCyl := fbBoom.xCyl, vCyl := fbBoom.vCyl, tStep := tStep);
 fbBoom(bReset := FALSE, bPrepare := bPrepare, fCyl := fbHydraulics.fCyl, tStep := tStep);
@@ -103,8 +103,9 @@ pLSim := fbHydraulics.pL;
     Unit {
         kind: Kind::FunctionBlock,
         name: "FB_SimulationFeedforward".into(),
-        comment: "Benchmark controller with the motor speed of a simulated crane as feedforward (section 4, figure 15); holds and releases \
-                  the load. One call is one simulation step; the controller acts at each first of nPerPeriod."
+        comment: "Benchmark controller with the motor speed of a simulated crane as feedforward (section 4, figure 15 \
+            of doi:10.3390/act14020080); holds and releases the load. One call is one simulation step; the controller \
+            acts at each first of nPerPeriod."
             .into(),
         variables,
         body,
@@ -155,8 +156,10 @@ pub(super) fn globals(controller: &Unit, control: f64) -> Unit {
     }
 }
 
-/// The controller's task, called every control period: the benchmark.
-pub(super) fn control_task(controller: &Unit) -> Unit {
+/// The controller's task, called every control period \[s\]: the benchmark.
+pub(super) fn control_task(controller: &Unit, control: f64) -> Unit {
+    // milliseconds without the rounding noise of the unit
+    let period = (control * 1e9).round() / 1e6;
     let [inputs, outputs] = frame(controller);
     let global = |v: &Declared| Declared {
         section: Section::External,
@@ -175,11 +178,12 @@ pub(super) fn control_task(controller: &Unit) -> Unit {
     Unit {
         kind: Kind::Program,
         name: "PRG_Control".into(),
-        comment: "To be called every control period (1 ms in the paper): the benchmark controller, which holds and releases the load. \
-                  FB_SimulationFeedforward replaces it for simulation feedforward: the same inputs and outputs, called every simulation \
-                  step. FB_ScheduledLqrController replaces it with its preview arrays filled every period, and has additional outputs: \
-                  docs/how-to/export-twincat.md has such a program."
-            .into(),
+        comment: format!(
+            "To be called every control period of {period} ms: the benchmark controller, which holds and releases the \
+             load. FB_SimulationFeedforward replaces it for simulation feedforward: the same inputs and outputs, \
+             called every simulation step. FB_ScheduledLqrController replaces it with its preview arrays filled every \
+             period, and has additional outputs: docs/how-to/export-twincat.md has such a program."
+        ),
         variables,
         body: format!(
             "fbController(bReset := {GLOBALS}.{RESTART}, bPrepare := {GLOBALS}.{PREPARE},\n        {given});\n{shown}"

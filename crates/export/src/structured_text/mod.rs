@@ -57,7 +57,7 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     let step = literal(n.simulation_period);
     all.push(composed::simulation_feedforward(&feedforward, steps, &step));
     all.extend(block_units(&scheduled_lqr_controller(description)?)?);
-    all.push(composed::control_task(&benchmark));
+    all.push(composed::control_task(&benchmark, n.control_period));
     all.extend([bench::comparison(), bench::test_bench(&replays::replays(description)?)]);
     // last, since it names the programs: some tools resolve only names read before
     all.push(composed::globals(&benchmark, n.control_period));

@@ -398,6 +398,10 @@ fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
         let of_unit = unit.variables.iter().filter(|v| v.section == Section::InOut);
         assert_eq!(passed, of_unit.count());
     }
+    // comments name the paper, and the period of this crane
+    let comment = |name: &str| &all.iter().find(|unit| unit.name == name).unwrap().comment;
+    assert!(comment("PRG_Control").contains("every control period of 1 ms:"));
+    assert!(comment("FB_BenchmarkController").contains("section 2.3.1 of doi:10.3390/act14020080"));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! `hydroboom check`
 
+mod load_range;
 mod rest_remarks;
 mod self_contained;
 mod valve_controlled;
@@ -10,7 +11,8 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use miette::Result;
 
-/// Check a crane file: keys, ranges, geometry, static balance, step limits.
+/// Check a crane file: keys, ranges, geometry, static balance, limits over the range of loads, loops of the
+/// controllers, step limits.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom check --crane my-crane.toml")]
 pub struct Check {

@@ -5,35 +5,43 @@ use hydroboom_description::Description;
 /// Share of the largest bulk modulus below which the oil is soft \[-\].
 const SOFT_SHARE: f64 = 0.9;
 
+/// Bulk modulus at a pressure \[Pa\] as a share of the largest \[-\], where the oil is soft; none where it is stiff.
+pub fn bulk_modulus_share(description: &Description, pressure: f64) -> Option<f64> {
+    let share = description.oil().bulk_modulus(pressure) / description.numbers.bulk_modulus_max;
+    (share < SOFT_SHARE).then_some(share)
+}
+
+/// Motor torque \[N m\] that holds a pressure \[Pa\], without losses.
+pub fn holding_torque(description: &Description, pressure: f64) -> f64 {
+    pressure * description.numbers.displacement / std::f64::consts::TAU
+}
+
 /// Remarks on a crane at rest, by piston position \[m\] and piston-side pressure \[Pa\]: a load beyond the motor's
 /// torque, and soft oil at the pressure of the load.
 pub fn rest_remarks(description: &Description, pressures: &[(f64, f64)]) -> Vec<String> {
     let n = &description.numbers;
-    let oil = description.oil();
     let soft: Vec<String> = pressures
         .iter()
-        .map(|(stroke, pressure)| {
-            (stroke, pressure, oil.bulk_modulus(*pressure) / n.bulk_modulus_max)
-        })
-        .filter(|(.., share)| *share < SOFT_SHARE)
-        .map(|(stroke, pressure, share)| {
-            format!("{:.0} % at {:.0} mm ({:.1} bar)", share * 100.0, stroke * 1e3, pressure * 1e-5)
+        .filter_map(|(stroke, pressure)| {
+            let share = bulk_modulus_share(description, *pressure)?;
+            Some(format!(
+                "{:.0} % at {:.0} mm ({:.1} bar)",
+                share * 100.0,
+                stroke * 1e3,
+                pressure * 1e-5
+            ))
         })
         .collect();
-    let torque = |pressure: f64| pressure * n.displacement / std::f64::consts::TAU;
-    let heaviest = pressures.iter().map(|(_, pressure)| *pressure).fold(0.0, f64::max);
-    let too_heavy = torque(heaviest) > n.drive_torque;
-    let mut remarks: Vec<String> = too_heavy
-        .then(|| {
-            format!(
-                "the motor does not lift the load: {:.1} bar at rest take {:.1} N m, and drive.max_torque_nm = {:.1}",
-                heaviest * 1e-5,
-                torque(heaviest),
-                n.drive_torque
-            )
-        })
-        .into_iter()
-        .collect();
+    let heaviest = largest(pressures);
+    let torque = holding_torque(description, heaviest);
+    let mut remarks = Vec::new();
+    if torque > n.drive_torque {
+        remarks.push(format!(
+            "the motor does not lift the load: {:.1} bar at rest take {torque:.1} N m, and drive.max_torque_nm = {:.1}",
+            heaviest * 1e-5,
+            n.drive_torque
+        ));
+    }
     if soft.is_empty() {
         return remarks;
     }
@@ -46,4 +54,9 @@ pub fn rest_remarks(description: &Description, pressures: &[(f64, f64)]) -> Vec<
         n.transition_width * 1e-5
     ));
     remarks
+}
+
+/// Largest of the pressures \[Pa\] over the stroke, zero at least.
+pub fn largest(pressures: &[(f64, f64)]) -> f64 {
+    pressures.iter().map(|(_, pressure)| *pressure).fold(0.0, f64::max)
 }

@@ -1,25 +1,21 @@
 //! Check of a self-contained crane: state of rest, step limits of the published scheme, loops of the controllers.
 
-use super::rest_remarks::rest_remarks;
+use super::load_range::{load_range_remarks, load_range_text};
+use super::rest_remarks::{largest, rest_remarks};
 use super::{Check, POSITIONS, warnings};
 use crate::{benchmark_gains, output};
-use hydroboom_description::Description;
 use hydroboom_description::schema::FrictionChoice;
-use hydroboom_design::DesignError;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_design::stability::{
-    LoopStability, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
-    unstable_on_ideal_equipment,
+    FINDS_GAINS, LOWERS_GAINS, LoopStability, benchmark_stability, remark_on_ideal_equipment,
+    scheduled_lqr_stability, unstable_on_ideal_equipment,
 };
+use hydroboom_design::{DesignError, LoadPressure, load_pressure};
 use hydroboom_lab::plant;
 use hydroboom_model::{Outputs, Scheme, StepLimit};
 use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
-
-/// Advice on the gains.
-const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
-/// Where the weights of the scheduled LQR are, and its margins.
-const WEIGHTS: &str = "its weights are those of [scheduled_lqr]; `hydroboom design` shows its margins at each position";
 
 /// Names of the controllers, and the stability of their loops with the equipment that they expect; an error where the
 /// loop cannot be computed.
@@ -39,6 +35,16 @@ impl Check {
         let pressures: Vec<(f64, f64)> =
             states.iter().map(|state| (state.stroke, state.outputs.pressure_a)).collect();
         let mut remarks = rest_remarks(description, &pressures);
+        let load = load_pressure(description);
+        match &load {
+            Ok(load) => {
+                remarks.extend(load_range_remarks(description, load, largest(&pressures)));
+            }
+            Err(error) => {
+                remarks.push(format!("the load over the file's ranges cannot be computed: {error}"))
+            }
+        }
+        let load = load.ok();
         let loops = [
             ("benchmark", benchmark_stability(description, None)),
             ("scheduled LQR", scheduled_lqr_stability(description, None)),
@@ -56,11 +62,13 @@ impl Check {
                 "crane": description.name,
                 "warnings": warnings(description, remarks),
                 "stable": stable, "loops": expected, "unstable_on_ideal_equipment": on_ideal,
+                "load_pressure_bar": load
+                    .map(|load| [load.least, load.nominal, load.most].map(|p| p * 1e-5)),
                 "at_rest": states.iter().map(|state| state.in_json(has_bristles)).collect::<Vec<_>>(),
             }));
         }
         remarks.iter().for_each(|remark| output::warn(remark));
-        output::text(&text(description, &states))
+        output::text(&text(description, &states, load.as_ref()))
     }
 }
 
@@ -103,7 +111,7 @@ impl RestState {
     fn in_json(&self, has_bristles: bool) -> Value {
         let Self { outputs, limit, .. } = self;
         json!({
-            "stroke_mm": outputs.stroke * 1e3,
+            "stroke_mm": millimetres(self.stroke),
             "pressure_a_bar": outputs.pressure_a * 1e-5,
             "cylinder_force_n": outputs.cylinder_force,
             "tip_deflection_mm": outputs.tip_deflection * 1e3,
@@ -131,8 +139,13 @@ fn loop_remarks(description: &Description, loops: &Loops) -> Result<Vec<String>>
             Ok(unstable) if unstable.is_benchmark() => {
                 remarks.push(format!("{unstable}; {FINDS_GAINS}"));
             }
-            Ok(unstable) => remarks.push(format!("{unstable}; {WEIGHTS}")),
-            Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
+            Ok(unstable) => remarks.push(format!(
+                "{unstable}; {LOWERS_GAINS}; `hydroboom design` shows its margins at each position"
+            )),
+            Err(error) => remarks.push(format!(
+                "{name}: its loop cannot be computed: {error}. A number may be wrong by orders of magnitude: \
+                 `hydroboom show` lists all"
+            )),
         }
     }
     if matches!(&loops[0].1, Ok(benchmark) if benchmark.stable) {
@@ -147,8 +160,8 @@ fn loop_remarks(description: &Description, loops: &Loops) -> Result<Vec<String>>
     Ok(remarks)
 }
 
-/// Table of the states of rest, with the conditions of step limits and loops.
-fn text(description: &Description, states: &[RestState]) -> String {
+/// Table of the states of rest, with the load over the file's ranges and the conditions of step limits and loops.
+fn text(description: &Description, states: &[RestState], load: Option<&LoadPressure>) -> String {
     let has_bristles = has_bristles(description);
     let mut header = vec![
         "stroke [mm]",
@@ -178,8 +191,10 @@ fn text(description: &Description, states: &[RestState]) -> String {
         ),
         false => String::new(),
     };
+    let load =
+        load.map_or_else(String::new, |load| format!("\n{}", load_range_text(description, load)));
     format!(
-        "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}{payloads}",
+        "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}{load}{payloads}",
         description.name,
         output::table(&header, &rows)
     )

@@ -3,7 +3,7 @@
 use super::rest_remarks::rest_remarks;
 use super::{Check, POSITIONS, warnings};
 use crate::output;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_model::{Circuit, ValveInput};
 use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
@@ -86,7 +86,7 @@ impl RestState {
     fn in_json(&self) -> Value {
         let [x, y] = self.tip;
         json!({
-            "stroke_mm": self.stroke * 1e3, "pressure_a_bar": self.pressure_a * 1e-5,
+            "stroke_mm": millimetres(self.stroke), "pressure_a_bar": self.pressure_a * 1e-5,
             "tip_x_m": x, "tip_y_m": y, "full_flow_l_min": self.full_flow * 60e3,
             "full_speed_mm_s": self.full_speed * 1e3,
         })

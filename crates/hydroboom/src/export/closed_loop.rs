@@ -104,6 +104,7 @@ impl ClosedLoop {
         let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
         let mut all = cases(&model);
         all.extend(moves(&model));
+        let extent = extent(&all);
         let selected: Vec<&Case> = all.iter().filter(|c| c.name().contains(part)).collect();
         if selected.is_empty() {
             miette::bail!(
@@ -162,7 +163,7 @@ impl ClosedLoop {
         let all: Vec<Vec<String>> =
             target_summaries(&rows).iter().map(TargetSummary::cells).collect();
         let trials = text(&rows, jobs.len(), beyond);
-        output::text(&format!("{trials}\n\n{}", output::table(&SUMMARY_HEADER, &all)))
+        output::text(&format!("{trials}\n{extent}\n\n{}", output::table(&SUMMARY_HEADER, &all)))
     }
 
     /// Checks that the folder of the table exists, before the trials.
@@ -258,6 +259,18 @@ impl TargetFactory {
             Self::Program(compiled) => Box::new(compiled.start().into_diagnostic()?),
         })
     }
+}
+
+/// Payloads and initial positions of all test cases of a crane.
+fn extent(all: &[Case]) -> String {
+    let [least, most] = [f64::min, f64::max].map(|of| {
+        let end = |value: fn(&Case) -> f64| all.iter().map(value).reduce(of).unwrap_or_default();
+        (end(|case| case.payload), end(|case| case.stroke * 1e3))
+    });
+    format!(
+        "Cases for this crane: payloads of {:.0} to {:.0} kg, piston positions of {:.0} to {:.0} mm.",
+        least.0, most.0, least.1, most.1
+    )
 }
 
 /// All undisturbed engagements; for wrong inputs the worst one of each input and kind.

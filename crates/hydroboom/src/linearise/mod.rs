@@ -25,9 +25,9 @@ use state_space::StateSpace;
 pub struct Linearise {
     #[command(flatten)]
     crane: CraneFile,
-    /// Piston position, before the crane moves: 0 to 20000 mm.
-    #[arg(long, default_value_t = 250.0, value_parser = number::within(number::STROKE, "mm"))]
-    stroke_mm: f64,
+    /// Piston position, before the crane moves; mid-stroke when not given: 0 to 20000 mm.
+    #[arg(long, value_parser = number::within(number::STROKE, "mm"))]
+    stroke_mm: Option<f64>,
     /// Motor speed: -20000 to 20000 rpm.
     #[arg(long, default_value_t = 0.0, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
@@ -74,9 +74,20 @@ impl Linearise {
     /// cannot be computed.
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
-        let start = description.start(self.stroke_mm * 1e-3);
+        let n = &description.numbers;
+        let stroke = self.stroke_mm.map_or(0.5 * n.stroke, |mm| mm * 1e-3);
+        let start = description.start(stroke);
         let mut crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
         let input = Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
+        // a speed equal to the limit but for the rounding of its unit is not beyond it
+        if input.pump_speed.abs() > n.motor_speed * (1.0 + 1e-9) {
+            output::warn(&format!(
+                "--motor-speed-rpm {} is beyond motor.max_speed_rpm = {:.0}: the motor does not reach this operating \
+                 point",
+                self.motor_speed_rpm,
+                n.motor_speed * 60.0
+            ));
+        }
         let settle_s = self.settle_s.unwrap_or(if self.motor_speed_rpm == 0.0 { 0.0 } else { 1.0 });
         let point = settle(crane.as_mut(), &input, (settle_s * 1e3).round() as u32)?;
         let (a, b) = crane.jacobian(&input);
@@ -86,7 +97,7 @@ impl Linearise {
         let in_dead_band = self.valve > 0.0 && linearise::in_dead_band(&a, &system.states);
         let mut remarks = Vec::new();
         if in_dead_band {
-            remarks.push(self.remark_on_dead_band(&description));
+            remarks.push(self.remark_on_dead_band(&description, stroke));
             remarks.extend(remark_on_leakage(&modes));
         }
         remarks.extend(point.remark_on_oscillation());
@@ -146,19 +157,16 @@ impl Linearise {
         )
     }
 
-    /// Remark on an operating point in the dead band, with another point outside it if there is one.
-    fn remark_on_dead_band(&self, description: &Description) -> String {
+    /// Remark on an operating point in the dead band, begun at a piston position \[m\], with another point outside it
+    /// if there is one.
+    fn remark_on_dead_band(&self, description: &Description, stroke: f64) -> String {
         let remark = "This operating point lies in the dead band of the load-holding valve: between cracking and closing no oil passes, and a \
                     small change of the motor's speed moves nothing. The poles are those of a cylinder that is shut.";
-        match operating_point::motor_speed_outside_dead_band(
-            description,
-            self.stroke_mm * 1e-3,
-            self.valve,
-        ) {
+        match operating_point::motor_speed_outside_dead_band(description, stroke, self.valve) {
             Some(speed) => format!(
                 "{remark}\nWith the valve open: hydroboom linearise{} --stroke-mm {:.0} --motor-speed-rpm {:.0}, after a second of that motion.",
                 self.crane.options(),
-                self.stroke_mm,
+                stroke * 1e3,
                 (60.0 * speed).ceil()
             ),
             None => {

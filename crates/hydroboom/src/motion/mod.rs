@@ -18,7 +18,7 @@ use hydroboom_description::Description;
 use hydroboom_design::benchmark_design::payload_range;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::study::NOMINAL;
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, miette};
 use std::path::Path;
 
 /// Argument for the virtual crane, and name of the embedded one.
@@ -184,7 +184,15 @@ impl MotionTests {
                 return Ok((choice, name));
             }
         };
-        let (name, content) = (path.display().to_string(), text(path)?);
+        let name = path.display().to_string();
+        if !path.exists() {
+            return Err(miette!(
+                help = "`--plant virtual` is the virtual crane of the crane file; else it is a crane file, or a file \
+                    with a [set] table of overrides",
+                "--plant: there is no file {name}"
+            ));
+        }
+        let content = text(path)?;
         let choice = match content.contains("[set]") {
             true => {
                 let choice = MachineChoice::model_itself(&model);

@@ -78,7 +78,7 @@ pub fn tracking_table(rows: &[Row]) -> String {
         "peak paper [mm]",
         peak_true,
         peak_measured,
-        "tip rings [mm]",
+        "residual vibration [mm]",
         "motor energy [kJ]",
         "motor [rpm]",
     ];
@@ -90,8 +90,8 @@ pub fn tracking_table(rows: &[Row]) -> String {
         false => "Tracking error x - x_ref [mm].",
     };
     format!(
-        "{title} The scheduled LQR is ours, and looks\n\
-         0.4 s along the path.\n\
+        "{title} The scheduled LQR is not of the paper, and has\n\
+         a preview of the reference of 0.4 s.\n\
          Beside it the RMS of the tip's vibration at rest, the motor energy and the largest motor speed.\n{MOTOR_ENERGY}\n{}{sensors}{remarks}",
         output::table(&without_columns(&header, omitted), &cells)
     )
@@ -173,5 +173,7 @@ mod tests {
         assert!(!other.contains("RMS paper") && !other.contains("peak paper"), "{other}");
         let header = other.lines().find(|line| line.starts_with("strategy")).unwrap();
         assert!(header.contains("peak true [mm]"), "{header}");
+        assert!(header.contains("residual vibration [mm]"), "{header}");
+        assert!(other.contains("a preview of the reference of 0.4 s"), "{other}");
     }
 }

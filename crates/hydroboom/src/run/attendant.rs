@@ -114,9 +114,11 @@ impl RunAttendant {
         self
     }
 
-    /// Prints states, waiting conditions and oscillations.
-    pub fn with_state_report(mut self) -> Self {
+    /// Prints states, waiting conditions and oscillations; advice on a fault depends on whether this computer simulates
+    /// the machine in real time.
+    pub fn with_state_report(mut self, is_simulated_here: bool) -> Self {
         self.reported.is_printed = true;
+        self.reported.is_simulated_here = is_simulated_here;
         self
     }
 

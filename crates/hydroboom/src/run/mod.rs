@@ -8,6 +8,7 @@ mod bus_log;
 mod control_setup;
 mod course_plan;
 mod course_result;
+mod fault_advice;
 mod flow_baseline;
 mod operator;
 mod page;
@@ -269,7 +270,8 @@ impl Run {
         let session = Session::new(&cranes.model);
         let mut attendant = RunAttendant::new(session, Arc::clone(desk), course).with_log(log);
         if !self.simulated_time || self.dashboard.is_some() {
-            attendant = attendant.with_state_report();
+            let is_simulated_here = !self.simulated_time && !cranes.source.is_attached();
+            attendant = attendant.with_state_report(is_simulated_here);
         }
         let Some(address) = self.dashboard else {
             if self.listen {

@@ -4,6 +4,7 @@ use super::Run;
 use super::attachment::AttachmentResult;
 use super::attendant::RunAttendant;
 use super::course_result::CourseResult;
+use super::fault_advice::fault_advice;
 use super::page;
 use super::report::{Report, processor};
 use crate::machine_choice::MachineChoice;
@@ -65,7 +66,12 @@ impl Run {
         if self.dashboard.is_some() || self.carry_on {
             return Ok(());
         }
-        Err(fault_error(fault, attachment.and_then(AttachmentResult::fault)))
+        let is_simulated_here = real_time.is_some() && !cranes.source.is_attached();
+        let advice = match attachment.and_then(AttachmentResult::fault) {
+            Some(sentence) => sentence.to_string(),
+            None => fault_advice(fault.cause, is_simulated_here),
+        };
+        Err(fault_error(fault, advice))
     }
 
     fn print(&self, report: &Report<'_>) -> Result<()> {
@@ -112,15 +118,11 @@ fn write_fault_records(report: &Path, fault: &FaultData) {
 }
 
 /// Error of a run that a fault ended. The advice is the bus's own sentence on its fault, otherwise that on the cause.
-fn fault_error(fault: &FaultData, bus_fault: Option<&str>) -> Error {
+fn fault_error(fault: &FaultData, advice: String) -> Error {
     let status = fault.records.last().and_then(|record| record.status);
     let code = match status {
         Some(MachineStatus::Fault { code }) => format!(", the machine's code {code:#06x}"),
         _ => String::new(),
-    };
-    let advice = match bus_fault {
-        Some(sentence) => sentence.to_string(),
-        None => fault.cause.advice().to_string(),
     };
     miette!(
         help = advice,

@@ -3,7 +3,8 @@
 mod controller_keys;
 mod summary_text;
 
-use crate::crane_file::{CraneFile, text};
+use crate::controller_model::controller_model;
+use crate::crane_file::CraneFile;
 use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile, OutputFolder};
@@ -33,7 +34,8 @@ use summary_text::summary_text;
 pub struct Virtual {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the controllers' model. Default: the paper's crane.
+    /// Crane file of the controllers' model. Default: the file of --crane without --set, the paper's crane for its
+    /// virtual crane.
     #[arg(long, value_name = "FILE")]
     model: Option<InputFile>,
     /// Override a key of that model, e.g. --model-set estimator.payload_drift_percent=2; can be repeated.
@@ -89,7 +91,7 @@ impl Virtual {
     /// If an input is invalid, `--set` names a key that only the controller uses, or a simulation fails.
     pub fn run(self) -> Result<()> {
         let crane = self.machine()?;
-        controller_keys::refuse(&self.crane, &crane, self.model.is_some())?;
+        controller_keys::refuse(&self.crane)?;
         let model = self.controller_model()?;
         if let Some(path) = &self.survey {
             return self.write_survey(path, &model, &crane);
@@ -123,10 +125,7 @@ impl Virtual {
     ///
     /// If its file or an override is invalid.
     fn controller_model(&self) -> Result<Description> {
-        let mut model = match &self.model {
-            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => Description::uia_single_boom()?,
-        };
+        let mut model = controller_model(&self.crane, self.model.as_deref())?;
         model.set_together_within_range(self.model_set.iter().map(String::as_str))?;
         Ok(model)
     }

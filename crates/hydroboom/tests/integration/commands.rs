@@ -217,6 +217,21 @@ fn a_given_crane_file_also_describes_the_machine() {
     assert!(std::fs::read_to_string(report).unwrap().contains(equal));
 }
 
+/// The positions are beyond the stroke of the paper's crane.
+#[test]
+fn a_family_of_margins_is_drawn_around_the_virtual_crane_of_the_crane_file() {
+    let crane = short_crane(&folder("family-margins"));
+    let long = ["--crane", &crane, "--set", "cylinder.stroke_mm=600"];
+    let result = parsed(&[&["design", "--family", "1", "--json"], &long[..]].concat());
+    assert_eq!(result["plant"]["name"], "virtual crane of short", "{result}");
+    assert_eq!(result["plant"]["from"], "crane file");
+    for of in result["family"].as_array().unwrap() {
+        let stroke = of["worst"]["stroke_mm"].as_f64().unwrap();
+        assert!([60.0, 300.0, 540.0].iter().any(|at| (stroke - at).abs() < 1e-6), "{of}");
+        assert_eq!(of["count"], 3);
+    }
+}
+
 #[test]
 fn the_papers_figures_are_shown_for_its_own_crane_only() {
     let folder = folder("paperless");
@@ -316,6 +331,19 @@ fn wrong_crane_files_are_refused_with_a_reason() {
 }
 
 #[test]
+fn a_wrong_argument_is_refused_with_the_right_one() {
+    fails_with(&hydroboom(&["check", "crane.toml"]), "--crane crane.toml");
+    fails_with(&hydroboom(&["motion", "--plant", "virtaul"]), "`--plant virtual` is the virtual");
+    let weak = hydroboom(&["check", "--set", "boom.second_moment_cm4=0.2065"]);
+    fails_with(&weak, "check boom.second_moment_cm4");
+    let faults = hydroboom(&["faults", "--only", "over"]);
+    fails_with(&faults, "whose name contains its text, in the same case");
+    let message = String::from_utf8_lossy(&faults.stderr);
+    assert!(message.contains("position stuck, position jumping, "), "{message}");
+    assert!(message.lines().all(|line| line.chars().count() <= 120), "{message}");
+}
+
+#[test]
 fn wrong_inputs_are_refused_and_leave_no_files() {
     let folder = folder("inputs");
     let log = folder.join("log.csv");
@@ -339,6 +367,9 @@ fn wrong_inputs_are_refused_and_leave_no_files() {
         "0 to 500 mm, not 900",
     );
     fails_with(&hydroboom(&["eigen", "--stroke-mm", "700"]), "0 to 500 mm, not 700");
+    // without the rounding noise of the unit
+    let long = hydroboom(&["eigen", "--stroke-mm", "800", "--set", "cylinder.stroke_mm=700"]);
+    fails_with(&long, "0 to 700 mm, not 800 mm");
     fails_with(
         &hydroboom(&["simulate", "--hold-s", "0.01", "--step-us", "99999", "--log", log_path]),
         "does not fit",
@@ -737,6 +768,34 @@ fn virtual_accepts_controller_settings_for_its_model_only() {
         "highest_transition_bar",
     );
     fails_with(&of(&["--log-ms", "NaN"]), "a number from 0.001 to 3600000 ms");
+}
+
+/// The pump displaces a fifth less than that of the paper's crane, which a velocity feedforward with the wrong model
+/// is late by.
+#[test]
+fn virtual_has_the_crane_file_as_the_model_of_its_controllers() {
+    let folder = folder("own-model");
+    let crane = short_crane(&folder);
+    let text = std::fs::read_to_string(&crane).unwrap();
+    let small = text.replacen("value = 10.6, range = [10.28, 10.82]", "value = 8.5", 1);
+    assert_ne!(small, text);
+    let own = folder.join("own.toml").display().to_string();
+    std::fs::write(&own, small).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = hydroboom(&[&["virtual", "--json", "--crane"], arguments].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let note = String::from_utf8_lossy(&output.stderr).into_owned();
+        (json["rms_true_mm"].as_f64().unwrap(), note)
+    };
+    let (with_own, note) = run(&[own.as_str(), "--speed-mm-s", "60"]);
+    assert!(note.contains("the controllers know \"short\", as "), "{note}");
+    let papers = ["--model", "../../cranes/uia-single-boom.toml", "--speed-mm-s", "60"];
+    let (with_papers, note) = run(&[&[own.as_str()], &papers[..]].concat());
+    assert!(!note.contains("the controllers know"), "{note}");
+    assert!(with_own < 0.5 * with_papers, "{with_own} and {with_papers} mm");
+    let (_, note) = run(&["../../cranes/uia-virtual.toml", "--scenario", "small-moves"]);
+    assert!(note.contains("the controllers know \"UiA single boom\", of which"), "{note}");
 }
 
 #[test]

@@ -87,6 +87,25 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     assert_eq!(warned(&["check"]), "");
 }
 
+/// Each limit lies between the load of the file's own values and the heaviest of its ranges, or below the pressure
+/// that the supervision allows: the machine would be stopped later.
+#[test]
+fn check_warns_of_limits_that_the_heaviest_load_reaches() {
+    let heaviest = parsed(&["check", "--json"])["load_pressure_bar"][2].as_f64().unwrap();
+    assert!((100.0..200.0).contains(&heaviest), "{heaviest} bar");
+    for (set, warning) in [
+        ("supervision.pressure_bar=90", "supervision.pressure_bar = 90.0 stops the machine: "),
+        ("sensors.pressure_span_bar=50", "sensors.pressure_span_bar = 50.0 is less than "),
+        ("drive.max_torque_nm=15", "drive.max_torque_nm = 15.0 does not lift the heaviest load"),
+    ] {
+        let text = warned(&["check", "--set", set]);
+        assert!(text.contains(warning), "{text}");
+        assert_eq!(text.matches("warning: ").count(), 1, "{text}");
+    }
+    // an empty hook leaves the load on soft oil, although the nominal payload does not
+    assert!(printed(&["check"]).contains("the oil is soft: its bulk modulus is "));
+}
+
 /// Payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable. On the ideal plant that
 /// `motion` uses without --plant it is not. Each command reports both, and the row of the table is marked.
 #[test]
@@ -96,8 +115,13 @@ fn commands_report_with_which_lags_they_close_the_loop() {
         [printed(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
     {
         assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
-        let remark = "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the scheduled LQR is UNSTABLE";
+        let remark = "with an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the \
+            closed loop of the scheduled LQR is UNSTABLE";
         assert!(text.contains(remark), "{text}");
+        // and what to do about it
+        for remedy in ["motion --plant virtual", "scheduled_lqr.command_tolerance_mm_s"] {
+            assert!(text.contains(remedy), "{text}");
+        }
     }
     let text = printed(&[&["motion", "--gains-as-given"], &far[..]].concat());
     let lqr = "scheduled LQR: the closed loop is UNSTABLE";
@@ -108,6 +132,34 @@ fn commands_report_with_which_lags_they_close_the_loop() {
     assert!(rows.len() == 2 && rows.iter().all(|row| row.contains("(!)")), "{text}");
     let forward = text.lines().filter(|line| line.starts_with("velocity-feedforward"));
     assert!(forward.clone().count() == 2 && !forward.clone().any(|row| row.contains("(!)")));
+}
+
+/// The input has no limit, so that a motor that is too slow has to be reported.
+#[test]
+fn simulate_warns_of_a_motor_beyond_its_largest_speed() {
+    let run = ["simulate", "--hold-s", "0.5", "--motor-speed-rpm", "600", "--start-mm", "200"];
+    let slow = ["--set", "motor.max_speed_rpm=500"];
+    let text = warned(&[&run[..], &slow].concat());
+    assert!(text.contains("up to 600 rpm, more than motor.max_speed_rpm = 500"), "{text}");
+    assert_eq!(warned(&run), "");
+    let json = parsed(&[&run[..], &["--json"]].concat());
+    assert!((json["largest_motor_speed_rpm"].as_f64().unwrap() - 600.0).abs() < 1e-9, "{json}");
+    let at_end = json["outputs"]["pressure_a"]["value"].as_f64().unwrap() * 1e-5;
+    assert!(json["peak_pressure_bar"].as_f64().unwrap() >= at_end, "{json}");
+    let text = printed(&run);
+    assert!(text.contains("largest motor speed 600 rpm, peak pressure "), "{text}");
+}
+
+#[test]
+fn linearise_begins_at_mid_stroke_and_warns_of_a_motor_beyond_its_largest_speed() {
+    let of = |arguments: &[&str]| parsed(&[&["linearise", "--json"], arguments].concat());
+    let at = |json: &serde_json::Value| json["stroke_mm"].as_f64().unwrap();
+    assert!((at(&of(&["--set", "cylinder.stroke_mm=600"])) - 300.0).abs() < 1e-6);
+    assert_eq!(of(&[])["A"], of(&["--stroke-mm", "250"])["A"]);
+    let text =
+        warned(&["linearise", "--motor-speed-rpm", "900", "--set", "motor.max_speed_rpm=800"]);
+    assert!(text.contains("is beyond motor.max_speed_rpm = 800"), "{text}");
+    assert_eq!(warned(&["linearise", "--motor-speed-rpm", "800"]), "");
 }
 
 #[test]
@@ -190,6 +242,10 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
     let remark = json["remark_on_gains"].as_str().unwrap();
     assert!(remark.contains("the file's gains are not tuned for this comparison"), "{remark}");
+    for unit in [" 1/s, K_i = ", " 1/s2, k_f = ", " m3/(s Pa), tau = ", " s, by `hydroboom design"]
+    {
+        assert!(remark.contains(unit), "{unit}: {remark}");
+    }
     assert_eq!(json["stable"], true, "{json}");
     let rows = json["motion"].as_array().unwrap();
     let rms = |strategy: &str| {

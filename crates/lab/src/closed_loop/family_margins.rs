@@ -2,7 +2,7 @@
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::{Percentiles, member};
-use hydroboom_description::Description;
+use hydroboom_description::{Description, millimetres};
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
 use hydroboom_design::stability::with_identified;
 use hydroboom_design::{
@@ -79,30 +79,30 @@ impl FamilyMargins {
     }
 }
 
-/// Stability margins over a family of virtual cranes, each at three piston positions, of three loops. They
-/// are the benchmark's, the scheduled LQR's before any identification, and the scheduled LQR's with oil and
-/// drive identified.
+/// Stability margins over a family of virtual cranes, drawn around a nominal crane, each at three piston positions, of
+/// three loops. They are the benchmark's, the scheduled LQR's before any identification, and the scheduled LQR's with
+/// oil and drive identified.
 ///
 /// The controllers use the model and the payload, which the estimator identifies at rest. Lag of the drive
 /// and stiffness of the oil are those of the crane file, or of the crane if identified. The cranes are
-/// linearised with their own drive, fieldbus and position sensor.
+/// linearised with their own drive, fieldbus and position sensor. If the strokes of model and cranes differ, the
+/// positions are shares of the shorter one.
 ///
 /// # Errors
 ///
 /// [`LabError`] if a crane cannot be built or linearised.
 pub fn family_margins(
     model: &Description,
-    count: u64,
-    seed: u64,
+    nominal: &Description,
+    (count, seed): (u64, u64),
 ) -> Result<Vec<FamilyMargins>, LabError> {
-    let nominal = Description::uia_virtual()?;
     let benchmark = benchmark_loop(model);
     let design = designed(model, known_delay(model) as usize)?;
     let cases: Vec<(u64, f64)> =
         (0..count).flat_map(|k| [0.1, 0.5, 0.9].map(|share| (k, share))).collect();
     let of = |(number, share): &(u64, f64)| -> Result<[MemberMargins; 3], LabError> {
-        let crane = member(&nominal, seed, *number)?.crane;
-        let stroke = share * model.numbers.stroke;
+        let crane = member(nominal, seed, *number)?.crane;
+        let stroke = share * model.numbers.stroke.min(crane.numbers.stroke);
         let linear = LinearisedPlant::new(&crane, stroke)?;
         let payload = crane.numbers.payload;
         let scheduled_lqr = scheduled_lqr_loop_at(model, &design, stroke, payload);
@@ -111,7 +111,7 @@ pub fn family_margins(
         let identified = scheduled_lqr_loop_at(&known, &identified, stroke, payload);
         let around = |looked_at: Loop| -> Result<MemberMargins, LabError> {
             let margins = margins(&linear, &looked_at.on(&crane))?;
-            Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
+            Ok(MemberMargins { crane: *number, stroke_mm: millimetres(stroke), margins })
         };
         Ok([around(benchmark.clone())?, around(scheduled_lqr)?, around(identified)?])
     };
@@ -135,8 +135,9 @@ mod tests {
     #[test]
     fn both_controllers_are_evaluated_on_the_same_cranes() {
         let model = Description::uia_single_boom().unwrap();
-        let [benchmark, scheduled_lqr, identified] = &family_margins(&model, 2, 1).unwrap()[..]
-        else {
+        let nominal = Description::uia_virtual().unwrap();
+        let family = family_margins(&model, &nominal, (2, 1)).unwrap();
+        let [benchmark, scheduled_lqr, identified] = &family[..] else {
             panic!("three loops are looked at")
         };
         assert_eq!((benchmark.count, scheduled_lqr.count, identified.count), (6, 6, 6));
@@ -144,5 +145,25 @@ mod tests {
         assert_eq!((benchmark.unstable, scheduled_lqr.unstable), (0, 0));
         assert!(scheduled_lqr.modulus_margin_p5 > benchmark.modulus_margin_p5, "{scheduled_lqr:?}");
         assert!(scheduled_lqr.phase_p5_deg > benchmark.phase_p5_deg, "{benchmark:?}");
+    }
+
+    /// A weaker beam lowers the natural frequency of the load. The same model and gains then have other margins.
+    #[test]
+    fn margins_are_those_of_the_crane_that_the_family_is_drawn_around() {
+        let model = Description::uia_single_boom().unwrap();
+        let nominal = model.virtual_crane().0;
+        let mut weak = nominal.clone();
+        weak.set("boom.second_moment_cm4=700").unwrap();
+        let moduli = |nominal: &Description| {
+            let family = family_margins(&model, nominal, (1, 1)).unwrap();
+            family.iter().map(|of| of.worst.signed_modulus_margin()).collect::<Vec<_>>()
+        };
+        for (of_nominal, of_weak) in moduli(&nominal).into_iter().zip(moduli(&weak)) {
+            assert!((of_nominal - of_weak).abs() > 1e-3, "{of_nominal} and {of_weak}");
+        }
+        // the positions are within the stroke of the cranes
+        let mut long = model.clone();
+        long.set("cylinder.stroke_mm=600").unwrap();
+        assert!(family_margins(&long, &nominal, (1, 1)).is_ok());
     }
 }

@@ -2,6 +2,7 @@
 
 use super::RunAttendant;
 use crate::output;
+use crate::run::fault_advice::fault_advice;
 use hydroboom_control::supervision::limits::MachineStatus;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
@@ -15,6 +16,8 @@ const REPORT_AFTER: f64 = 2.0;
 pub(super) struct ReportedState {
     /// Whether states, waiting conditions and oscillations are printed.
     pub(super) is_printed: bool,
+    /// Whether this computer simulates the machine in real time.
+    pub(super) is_simulated_here: bool,
     /// Last state reported by the machine.
     status: Option<MachineStatus>,
     /// Last reported waiting condition of the present state.
@@ -41,7 +44,8 @@ impl RunAttendant {
         let now = record.decision.state;
         match record.decision.cause {
             Some(cause) if now == State::Fault => {
-                let (code, advice) = (cause.code(), cause.advice());
+                let advice = fault_advice(cause, self.reported.is_simulated_here);
+                let code = cause.code();
                 output::note(&format!("{:8.3} s  Fault: {code}: {advice}", record.time));
             }
             _ => output::note(&format!("{:8.3} s  {}", record.time, now.name())),
