@@ -3,7 +3,7 @@
 use crate::closed_loop::{follow, motor_speeds};
 use crate::error::SensitivityError;
 use crate::output::Output;
-use crate::ringing::eigenfrequency;
+use crate::ringing::{conditions, eigenfrequency};
 use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -78,6 +78,14 @@ impl Case {
             });
         }
         Ok(values)
+    }
+
+    /// Conditions of an output in words, beyond its title; none for tracking errors and pressures.
+    pub fn conditions(&self, output: Output) -> Option<String> {
+        match output {
+            Output::Tracking(_) | Output::Pressure(_) => None,
+            Output::Eigenfrequency => Some(conditions(&self.description)),
+        }
     }
 
     fn run<T: Number>(

@@ -9,7 +9,7 @@ pub enum Output {
     Tracking(Strategy),
     /// Standard deviation of p_A under a strategy \[Pa\].
     Pressure(Strategy),
-    /// Eigenfrequency of boom and oil with the cylinder locked \[Hz\].
+    /// Eigenfrequency of boom and oil with the cylinder locked at mid-stroke \[Hz\].
     Eigenfrequency,
 }
 
@@ -56,7 +56,7 @@ impl Output {
         match self {
             Self::Tracking(strategy) => format!("RMS true tracking error, {}", strategy.name()),
             Self::Pressure(strategy) => format!("swing of p_A (RMS), {}", strategy.name()),
-            Self::Eigenfrequency => "eigenfrequency with the load held".into(),
+            Self::Eigenfrequency => "eigenfrequency with the load held at mid-stroke".into(),
         }
     }
 

@@ -11,9 +11,25 @@ use hydroboom_model::{CraneState, Input};
 const DURATION: f64 = 3.0;
 /// Sampling interval of p_A \[s\].
 const INTERVAL: f64 = 1e-3;
+/// Piston position of the test as a share of the stroke \[1\].
+const POSITION: f64 = 0.5;
+
+/// Conditions of the [`eigenfrequency`] in words, and its difference from that of `hydroboom eigen`.
+pub(crate) fn conditions(description: &Description) -> String {
+    let n = &description.numbers;
+    format!(
+        "Load-holding valve shut at mid-stroke, {:.0} mm; rod side at {:.1} bar (oscillation.rod_side_bar); tip \
+         dropped by {:.1} mm (oscillation.drop_mm);\nwith friction; upward crossings of p_A's mean within \
+         {DURATION:.0} s. A higher mode of the boom in p_A can add crossings: then the value is too high.\n\
+         `hydroboom eigen` averages the second mode out: compare the value there, or drop the tip by less.",
+        POSITION * n.stroke * 1e3,
+        n.oscillation_rod_side * 1e-5,
+        n.oscillation_drop * 1e3,
+    )
+}
 
 /// Eigenfrequency \[Hz\] at mid-stroke: the boom is dropped onto its locked cylinder, and f = n/Δt is measured between
-/// upward crossings of p_A's mean (section 5.2.2).
+/// upward crossings of p_A's mean (section 5.2.2). Crossings by higher modes of the boom are counted, too.
 ///
 /// The derivative of a crossing's time is t' = -p'/(dp/dt). Linear interpolation between two samples in dual numbers
 /// gives exactly this derivative.
@@ -22,8 +38,7 @@ pub(crate) fn eigenfrequency<T: Number>(
     numbers: &Numbers<T>,
 ) -> Result<T, SensitivityError> {
     let crane = description.crane_over::<T, SEGMENTS>(numbers)?;
-    let half = T::lit(0.5);
-    let mut start = description.start_over(numbers, half * numbers.stroke);
+    let mut start = description.start_over(numbers, T::lit(POSITION) * numbers.stroke);
     start.rod_side_pressure = numbers.oscillation_rod_side;
     start.preload = T::zero();
     let rest: CraneState<T, SEGMENTS> = T::rest(&crane, &start).map_err(BuildError::from)?;

@@ -1,4 +1,4 @@
-//! Exact derivatives against finite differences.
+//! Exact derivatives against finite differences; the eigenfrequency with its conditions.
 
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -58,4 +58,15 @@ fn a_stiffer_boom_raises_and_a_heavier_load_lowers_the_frequency() {
     // the exponent lies between those of a pure oil spring and of a pure boom
     assert!((-0.5..-0.3).contains(&share(0)), "{}", share(0));
     assert!((0.01..0.5).contains(&share(1)), "{}", share(1));
+}
+
+#[test]
+fn the_eigenfrequency_states_position_trapped_pressure_and_drop() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("oscillation.drop_mm=2").unwrap();
+    let case = Case::new(&crane, 0.1, &[Output::Eigenfrequency]).unwrap();
+    let stated = case.conditions(Output::Eigenfrequency).unwrap();
+    for condition in ["mid-stroke, 250 mm", "at 34.5 bar", "by 2.0 mm"] {
+        assert!(stated.contains(condition), "{stated}");
+    }
 }

@@ -18,6 +18,9 @@ pub fn analysis_text(analysis: &Analysis) -> String {
     for (k, output) in analysis.outputs.iter().enumerate() {
         let (unit, size) = output.unit();
         text += &format!("{}: {:.4} {unit}\n", output.title(), analysis.values[k] / size);
+        if let Some(conditions) = analysis.case.conditions(*output) {
+            text += &format!("{conditions}\n");
+        }
         text += &table(analysis, k);
         text += "\n\n";
     }

@@ -43,6 +43,9 @@ fn output_section(analysis: &Analysis, k: usize) -> Result<Markup, LabError> {
     };
     Ok(html! {
         h2 { (output.title()) ": " (format!("{:.3} {unit}", analysis.values[k] / size)) }
+        @if let Some(conditions) = analysis.case.conditions(*output) {
+            p.soft { (conditions) }
+        }
         (figure(
             "Change of the output with the machine re-run at both ends of a key's prior range, by its provenance. The ten keys of the \
              largest change.",
