@@ -13,32 +13,30 @@
 //!
 //! A bus that was started in SAFEOP requests OP once a command enables drives.
 
+mod exchange;
+mod outputs;
+
 use crate::check::DeviceFacts;
-use crate::cycle_record::{CycleRecord, Exchange, NO_STATE, number};
-use crate::drive::{Drive, RequestedState};
+use crate::cycle_record::CycleRecord;
+use crate::drive::Drive;
 use crate::fault::{Fault, LossWindow};
 use crate::frame_ring::FrameRing;
 use crate::input_decoding::decode;
 use crate::link::Link;
-use crate::machine::{BusSide, FieldbusMachine, Taken, hand_over};
+use crate::machine::{BusSide, FieldbusMachine, hand_over};
 use crate::pace::Pace;
-use crate::start_up::{Devices, InitialState, OP, SAFE_OP, StartError, UNTIL_OP, request, to_init};
+use crate::start_up::{Devices, InitialState, OP, SAFE_OP, StartError, request, to_init};
 use crate::statistics::{Counters, Times};
 use crate::table::Table;
 use crate::time::now;
 use crate::wire::Wire;
+use ethercrab::RegisterAddress;
 use ethercrab::subdevice_group::SafeOp;
-use ethercrab::{RegisterAddress, SubDeviceState};
-use hydroboom_control::command::Command;
 use hydroboom_realtime::machine::{Delay, Incoming, Link as Attachment, Outgoing};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// Periods without a new command after which the safe command is sent.
-const COMMAND_PERIODS: u32 = 2;
 /// Time before the next exchange, or before the end of the period, at which the wait for an answer ends \[ns\].
 pub(crate) const MARGIN: u64 = 50_000;
-/// Time constant of the exponential mean of delays \[commands\].
-const AVERAGED: f64 = 256.0;
 /// Capacity of the queue of records to the log: four seconds at 1 ms.
 const RECORDS: usize = 4096;
 /// Longest wait at the end of the bus for drives to switch off, after their braking time \[ns\].
@@ -340,110 +338,6 @@ impl<L: Link> Bus<L> {
         Ok(bus)
     }
 
-    /// One exchange, due at a time \[ns\], with or without new outputs; returns whether its inputs are valid.
-    fn exchange(&mut self, due: u64, has_outputs: bool) -> bool {
-        let main = self.wire.main;
-        for (position, bytes) in self.outputs.iter().enumerate() {
-            // the guard has to end with its statement: reading inputs while it is held is a deadlock
-            if let Ok(device) = self.group.subdevice(main, position) {
-                copy(&mut device.outputs_raw_mut(), bytes);
-            }
-        }
-        let sent = now();
-        if self.side.is_withheld() {
-            // a test of the devices' watchdogs: no frame is sent, as with a broken cable
-            self.pace.update(sent, None);
-            self.cycle.is_lost = true;
-            return false;
-        }
-        self.counters.exchanges += 1;
-        let is_late = sent.saturating_sub(due) > self.table.bus.period / 2;
-        self.counters.late_begins += u64::from(is_late);
-        let end = self.pace.answer_deadline(sent, &self.table.bus, MARGIN);
-        let answer = self.wire.run_until(self.group.tx_rx_dc(main), end).and_then(Result::ok);
-        self.pace.update(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
-        let Some(answer) = answer else {
-            self.counters.lost += 1;
-            self.cycle.is_lost = true;
-            return false;
-        };
-        self.times.round_trip.saturating_record(now().saturating_sub(sent).max(1));
-        self.time_outputs(answer.extra.dc_system_time, has_outputs);
-        let begin = self.cycle.sync0.unwrap_or_default();
-        // the only exchange of a cycle is recorded as the first one
-        let place = usize::from(has_outputs && self.table.bus.exchanges == 2);
-        self.record.exchanges[place] = Exchange {
-            phase: Some(answer.extra.dc_system_time.saturating_sub(begin) as u32),
-            working_counter: Some(answer.working_counter),
-        };
-        for (shown, state) in self.record.states.iter_mut().zip(&answer.subdevice_states) {
-            *shown = number(*state);
-        }
-        if answer.working_counter != self.working_counter {
-            self.counters.low += 1;
-            self.cycle.has_wrong_working_counter = true;
-        }
-        let is_late =
-            matches!(self.transition, Transition::Requested(since) if now() - since > UNTIL_OP);
-        for (device, state) in (0..).zip(&answer.subdevice_states) {
-            let state = number(*state);
-            if state == NO_STATE {
-                // no device filled in the datagram; one frame alone is no fault, and its working counter is wrong, too
-                self.device_silent(device);
-            } else if !self.transition.allows(state) || is_late && state != OP {
-                self.dropped = self.dropped.or(Some(device));
-            }
-        }
-        if matches!(self.transition, Transition::Requested(_))
-            && answer.is_in_state(SubDeviceState::Op)
-        {
-            self.transition = Transition::Op;
-        }
-        if self.cycle.has_wrong_working_counter {
-            return false;
-        }
-        for (position, bytes) in self.inputs.iter_mut().enumerate() {
-            if let Ok(device) = self.group.subdevice(main, position) {
-                copy(bytes, &device.inputs_raw());
-            }
-        }
-        true
-    }
-
-    /// Records margin to SYNC0 and delay of the outputs of a frame, from the time \[ns\] at which it passed the
-    /// reference clock.
-    fn time_outputs(&mut self, passed: u64, has_outputs: bool) {
-        let period = self.table.bus.period;
-        let begin = *self.cycle.sync0.get_or_insert(passed - passed % period);
-        if !has_outputs {
-            return;
-        }
-        let applied = begin + period;
-        match applied.checked_sub(passed) {
-            Some(margin) => self.times.margin.saturating_record(margin.max(1)),
-            None => self.counters.late_outputs += 1,
-        }
-        if let Some(sampled) = self.answers.take() {
-            let cycles = |from: u64, to: u64| to.saturating_sub(from) as f64 / period as f64;
-            // inputs are read `exchange` after the SYNC0 at which they were latched
-            let now = Delay {
-                measurement: self.table.bus.exchange as f64 / period as f64,
-                total: cycles(sampled, applied.max(passed)),
-            };
-            self.delay = Some(self.delay.map_or(now, |mean| Delay {
-                total: mean.total + (now.total - mean.total) / AVERAGED,
-                ..now
-            }));
-        }
-    }
-
-    /// A device did not answer: a fault where this loss exceeds the limit of the window.
-    fn device_silent(&mut self, device: u16) {
-        if self.wrong_working_counters.is_at_limit() {
-            self.stop(Fault::DeviceSilent { device });
-        }
-    }
-
     /// A device left its state, or did not reach OP: its AL status code is read once, and the machine stops.
     fn read_status_code(&mut self) {
         let Some(device) = self.dropped.take() else { return };
@@ -506,96 +400,6 @@ impl<L: Link> Bus<L> {
         self.side.publish(&incoming, self.pace.system);
     }
 
-    /// Takes the newest command. After a start and after a reset commands are ignored until the first one at rest, so
-    /// that nothing moves unexpectedly (ISO 14118).
-    fn take_command(&mut self) {
-        if self.is_ending {
-            self.command = None;
-            return;
-        }
-        if let Some(Taken { outgoing, answers }) = self.side.take_command() {
-            let is_finite = outgoing
-                .command
-                .axes
-                .iter()
-                .all(|axis| axis.motor_speed.is_finite() && axis.holding_valve.is_finite());
-            if !is_finite {
-                self.stop(Fault::CommandsStopped);
-            } else if self.command.is_some() || outgoing.is_safe() {
-                if outgoing.is_enabled && self.transition == Transition::SafeOp {
-                    self.transition = Transition::Due;
-                }
-                self.command = Some((outgoing, 0));
-                self.answers = Some(answers).filter(|sampled| *sampled > 0);
-            }
-            return;
-        }
-        if self.side.is_left() && self.command.is_none_or(|(last, _)| last.is_safe()) {
-            // control has ended with its load held: drives are switched off
-            self.command = None;
-            return;
-        }
-        if let Some((_, age)) = &mut self.command {
-            *age += 1;
-            self.counters.without_command += 1;
-            if *age >= COMMAND_PERIODS {
-                self.stop(Fault::CommandsStopped);
-            }
-        }
-    }
-
-    /// Resets faults on a person's request; devices that left OP need a restart of the bus.
-    fn take_reset(&mut self) {
-        if !self.side.take_reset() {
-            return;
-        }
-        let Some((fault, _)) = self.fault else { return };
-        let mut states = self.record.states.iter().take(self.facts.len());
-        let is_away = states.any(|state| !self.transition.allows(*state));
-        if is_away || matches!(fault, Fault::StateDropped { .. } | Fault::DeviceSilent { .. }) {
-            self.is_restart_due = true;
-            return;
-        }
-        self.fault = None;
-        self.wire.frames.freeze(false);
-        if self.transition == Transition::SafeOp {
-            // drives take a fault reset in OP only
-            self.transition = Transition::Due;
-        }
-        // commands are ignored until the next one at rest
-        self.command = None;
-        self.lost.clear();
-        self.wrong_working_counters.clear();
-        self.drives.iter_mut().for_each(Drive::reset);
-    }
-
-    /// Writes the command into the outputs; with a fault, or before the first command, the safe one.
-    fn encode(&mut self) {
-        let braking =
-            self.fault.map(|(_, since)| now().saturating_sub(since) < self.table.bus.brake);
-        let (command, requested) = match (self.command, braking) {
-            (Some((outgoing, _)), None) if outgoing.is_enabled => {
-                (outgoing.command, RequestedState::Operation)
-            }
-            (_, Some(true)) => (Command::default(), RequestedState::Braking),
-            (_, None | Some(false)) => (Command::default(), RequestedState::Off),
-        };
-        for row in &self.table.commanded {
-            let Some(axis) = command.axes.get(row.axis) else { continue };
-            let value = if row.signal == 0 { axis.motor_speed } else { axis.holding_valve };
-            let counts = row.scale.counts(value);
-            let drive = self
-                .drives
-                .iter_mut()
-                .find(|drive| row.signal == 0 && drive.row.target == row.place);
-            let Some(outputs) = self.outputs.get_mut(row.place.device) else { continue };
-            match drive {
-                Some(drive) => drive.command(outputs, requested, counts),
-                None => row.place.write(outputs, counts as u64),
-            }
-        }
-    }
-
     /// Ends the bus: drives are switched off, and the devices go to INIT, so that their watchdogs do not expire.
     pub fn end(&mut self) {
         self.is_ending = true;
@@ -614,11 +418,6 @@ impl<L: Link> Bus<L> {
     pub fn fault_sentence(&self) -> Option<String> {
         Some(self.fault()?.sentence(&self.table))
     }
-}
-
-/// Copies as much as there is room for.
-fn copy(to: &mut [u8], from: &[u8]) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
 }
 
 #[cfg(test)]

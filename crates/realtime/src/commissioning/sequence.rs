@@ -13,11 +13,11 @@ use super::step::{Prompt, Step};
 use super::window::Window;
 use crate::machine::{Incoming, Outgoing};
 use hydroboom_control::command::{AxisCommand, Command};
-use hydroboom_control::measurement::{AXES, Validity};
-use hydroboom_control::supervision::limits::{Limits, MachineStatus, Observation, ValveState};
-use hydroboom_control::supervision::plausibility::ranges;
+use hydroboom_control::measurement::AXES;
+use hydroboom_control::supervision::limits::{Limits, MachineStatus, Observation};
 use hydroboom_control::supervision::supervisor::{Decision, Request, Supervisor};
 
+mod checks;
 mod held;
 mod released;
 
@@ -440,77 +440,6 @@ impl Sequence {
         self.revolutions += values[MOTOR] * elapsed;
         let gain = 0.5 * (self.limits.flow.gain.low + self.limits.flow.gain.high);
         self.volume += values[MOTOR] * elapsed * gain * self.limits.flow.displacement;
-    }
-
-    /// Checks of every step: those of the measurement in each period in which it has to arrive, or arrives.
-    fn judge(&self) -> Result<(), Finding> {
-        let Some(seen) = self.seen else {
-            return match self.time > self.settings.ready {
-                true => Err(Finding::Silent(self.time)),
-                false => Ok(()),
-            };
-        };
-        match self.may_be_silent {
-            true if self.new_readings == 0 => return Ok(()),
-            false if self.age.is_nan() || self.age > self.limits.stale => {
-                return Err(Finding::Silent(self.age));
-            }
-            _ => {}
-        }
-        self.judge_signals(&seen)?;
-        if let (false, Some(MachineStatus::Fault { code })) = (self.may_have_fault, seen.status) {
-            return Err(Finding::MachineFault(code));
-        }
-        let is_held = self.is_held();
-        // from the release on this is the supervisor's; while commands are withheld, none is to arrive
-        let has_to_arrive = is_held && !self.may_be_silent;
-        if has_to_arrive && seen.link.is_some_and(|link| link.commands_lost) {
-            return Err(Finding::CommandsLate);
-        }
-        let stroke = seen.measurement.axes[0].signals.stroke;
-        let allowed = match self.step {
-            _ if is_held => self.settings.held_movement.min(self.limits.creep),
-            Step::Release => self.settings.release_movement,
-            _ => {
-                self.settings.release_movement
-                    + self.settings.travel
-                    + 2.0 * self.settings.travel_deviation
-            }
-        };
-        if let Some(origin) = self.origin
-            && (stroke - origin).abs() > allowed
-        {
-            return Err(Finding::Moved([(stroke - origin).abs(), allowed]));
-        }
-        match seen.valve {
-            Some(ValveState::Open) if is_held => Err(Finding::ValveOpen),
-            _ => Ok(()),
-        }
-    }
-
-    fn judge_signals(&self, seen: &Incoming) -> Result<(), Finding> {
-        let axis = &seen.measurement.axes[0];
-        let values = axis.signals.to_array();
-        let validity = axis.validity.to_array();
-        let allowed = ranges(&self.limits).to_array();
-        for (signal, ((value, is), (low, high))) in
-            values.into_iter().zip(validity).zip(allowed).enumerate()
-        {
-            let is_beyond = !(low..=high).contains(&value);
-            match is {
-                // a value that is NaN for being out of range is reported as not a number
-                Validity::OutOfRange if value.is_finite() => {
-                    return Err(Finding::OutOfRange(signal, [value, low, high]));
-                }
-                _ if !value.is_finite() => return Err(Finding::NotANumber(signal)),
-                _ if is_beyond => return Err(Finding::OutOfRange(signal, [value, low, high])),
-                _ => {}
-            }
-            if signal != STROKE && signal != MOTOR && value > self.limits.pressure {
-                return Err(Finding::Pressure(signal, [value, self.limits.pressure]));
-            }
-        }
-        Ok(())
     }
 
     fn advance(&mut self, now: &Now, elapsed: f64) -> Result<Next, Finding> {
