@@ -7,6 +7,7 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::run::{attachment, bus};
+use crate::signals_text::signals_text;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -309,6 +310,10 @@ fn run(
 fn tell(told: Told) {
     match told {
         Told::Step(step) => output::note(&format!("{}: {}", step.name(), step.text())),
+        Told::Rest(signals) => output::note(&format!(
+            "signals at rest: {}. Compare them with the gauges: a wrong scale or zero of a pressure is not detected",
+            signals_text(&signals)
+        )),
         Told::Prompt(prompt, code) => output::note(&format!(">>> {}", prompt.text(code))),
     }
 }

@@ -40,6 +40,7 @@ mod run;
 mod scenarios;
 mod sensitivity;
 mod show;
+mod signals_text;
 mod simulate;
 mod strategy_argument;
 mod study;

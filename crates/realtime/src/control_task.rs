@@ -278,11 +278,12 @@ impl ControlTask {
         self.age += now.elapsed;
         if let Some(incoming) = newest {
             self.measurement = incoming.measurement;
-            (self.valve, self.status) = (incoming.valve, incoming.status);
+            self.valve = incoming.valve;
             self.age = 0.0;
         }
         let lost_before = self.link.map_or(0, |link| link.lost);
-        // the attachment's state is updated in every period, also without a new measurement
+        // the states of machine and connection are updated in every period, also without a new measurement
+        self.status = now.incoming.map_or(self.status, |incoming| incoming.status);
         self.link = now.incoming.and_then(|incoming| incoming.link);
         let lost = self.link.map_or(0, |link| link.lost.saturating_sub(lost_before));
         (new_readings, u32::try_from(lost).unwrap_or(u32::MAX))

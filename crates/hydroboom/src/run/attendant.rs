@@ -235,6 +235,7 @@ impl Attendant for RunAttendant {
             self.desk.choose(change.at_time(record.course_time));
         }
         self.report_machine_status(record);
+        self.report_signals(record);
         self.report_waiting(&record.decision);
         self.report_oscillation(record.decision.oscillation);
         if record.decision.releasing && self.evaluation.is_none() {

@@ -7,8 +7,9 @@ use crate::failure::{guarded, hand_panics_on};
 use crate::machine::{Machine, Outgoing};
 use crate::posix::{lock_memory, now, wait_until};
 use crate::real_time_thread::prepare;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_model::SimulationError;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -48,10 +49,12 @@ impl Person {
 }
 
 /// Event of a running sequence, for the operator.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Told {
     /// A step begins.
     Step(Step),
+    /// Signals at rest, means over the step `listening`, for comparison with gauges.
+    Rest(AxisSignals<f64>),
     /// A prompt begins, with the code of the fault that the machine reports; none where it reports no fault.
     Prompt(Prompt, Option<u16>),
 }
@@ -62,6 +65,8 @@ struct Shown {
     step: AtomicUsize,
     prompt: AtomicUsize,
     code: AtomicUsize,
+    /// Signals at rest, as bits.
+    rest: [AtomicU64; 7],
     is_over: AtomicBool,
 }
 
@@ -91,6 +96,7 @@ pub fn run(
         step: AtomicUsize::new(sequence.step().place()),
         prompt: AtomicUsize::new(NOTHING),
         code: AtomicUsize::new(NOTHING),
+        rest: std::array::from_fn(|_| AtomicU64::new(f64::NAN.to_bits())),
         is_over: AtomicBool::new(false),
     };
     hand_panics_on();
@@ -113,6 +119,11 @@ pub fn run(
         while !shown.is_over.load(Ordering::Acquire) {
             let now = shown.step.load(Ordering::Acquire);
             if let Some(begun) = Step::ALL.get(now).filter(|_| now != step) {
+                if *begun == Step::StopCircuit {
+                    let rest = shown.rest.each_ref();
+                    let rest = rest.map(|signal| f64::from_bits(signal.load(Ordering::Relaxed)));
+                    tell(Told::Rest(AxisSignals::from_array(rest)));
+                }
                 tell(Told::Step(*begun));
             }
             step = now;
@@ -159,6 +170,9 @@ fn steer(
         });
         number += 1;
         act(machine, number, action);
+        for (signal, rest) in shown.rest.iter().zip(sequence.quantities().rest) {
+            signal.store(rest.to_bits(), Ordering::Relaxed);
+        }
         shown.step.store(sequence.step().place(), Ordering::Release);
         // before the prompt that names it
         let code = sequence.machine_code().map_or(NOTHING, usize::from);

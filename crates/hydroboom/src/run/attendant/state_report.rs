@@ -3,6 +3,7 @@
 use super::RunAttendant;
 use crate::output;
 use crate::run::fault_advice::fault_advice;
+use crate::signals_text::signals_text;
 use hydroboom_control::supervision::limits::MachineStatus;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
@@ -20,6 +21,8 @@ pub(super) struct ReportedState {
     pub(super) is_simulated_here: bool,
     /// Last state reported by the machine.
     status: Option<MachineStatus>,
+    /// Last second in which the signals were printed.
+    second: f64,
     /// Last reported waiting condition of the present state.
     waiting: Option<Waiting>,
     /// Whether the loop was in sustained oscillation in the last period.
@@ -50,6 +53,16 @@ impl RunAttendant {
             }
             _ => output::note(&format!("{:8.3} s  {}", record.time, now.name())),
         }
+    }
+
+    /// While listening, prints the signals once a second, for comparison with gauges.
+    pub(super) fn report_signals(&mut self, record: &Record) {
+        let second = record.time.floor();
+        if !self.desk.listens() || !self.reported.is_printed || second == self.reported.second {
+            return;
+        }
+        self.reported.second = second;
+        output::note(&format!("{:8.3} s  {}", record.time, signals_text(record.signals())));
     }
 
     /// Prints the state reported by the machine when it changes.
