@@ -14,6 +14,7 @@ use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_fieldbus::bus_task::{BusThread as FieldbusThread, Started};
 use hydroboom_fieldbus::start_up::InitialState;
+use hydroboom_files::try_place;
 use hydroboom_realtime::commissioning::finding::Outcome;
 use hydroboom_realtime::commissioning::record::{self, Basis};
 use hydroboom_realtime::commissioning::sequence::Sequence;
@@ -71,6 +72,12 @@ pub struct Commission {
 impl Commission {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
+        if let Err(error) = try_place(&self.record) {
+            return Err(miette!(
+                help = "name a file that can be written with --record",
+                "commissioning does not begin without its record: {error}"
+            ));
+        }
         let model = self.crane.read()?;
         let settings = Settings::default();
         let limits = limits(&model, settings.travel_speed).into_diagnostic()?;
