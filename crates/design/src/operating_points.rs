@@ -26,7 +26,7 @@ pub struct Equilibrium {
 /// Equilibrium and linearisation of the crane at a piston position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OperatingPoint {
-    /// Equilibrium.
+    /// Load pressure and its slope, and motor speed, with the piston at rest at this position.
     pub equilibrium: Equilibrium,
     /// Hydraulic spring with the oil's largest bulk modulus, without leakage.
     pub stiff: HydraulicSpring,

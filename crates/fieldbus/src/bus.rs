@@ -184,8 +184,11 @@ impl<L: Link> Bus<L> {
         }
     }
 
-    /// Queue of the records of all further cycles, for a thread without real-time priority; records that find it full
-    /// are dropped and counted.
+    /// Queue of the records of all further cycles, for a thread without real-time priority. It replaces an earlier
+    /// one.
+    ///
+    /// It has room for 4096 records, four seconds with a cycle of 1 ms. Records that find it full are dropped and
+    /// counted ([`Counters::records_lost`]).
     pub fn records(&mut self) -> Consumer<CycleRecord> {
         let (records, taken) = RingBuffer::new(RECORDS);
         self.records = Some(records);
@@ -202,12 +205,12 @@ impl<L: Link> Bus<L> {
         self.machine.take()
     }
 
-    /// The table.
+    /// Table of the bus: cycle, devices, signals and drives, in SI units or \[ns\].
     pub fn table(&self) -> &Table {
         &self.table
     }
 
-    /// Data that the devices reported at start-up.
+    /// Data that the devices reported at start-up, in the order of their positions.
     pub fn facts(&self) -> &[DeviceFacts] {
         &self.facts
     }
@@ -217,7 +220,7 @@ impl<L: Link> Bus<L> {
         Counters { unexpected: self.wire.unexpected, ..self.counters }
     }
 
-    /// Distributions of times since the start.
+    /// Distributions \[ns\] of the outputs' margin to SYNC0 and of the frames' round trip, since the start.
     pub fn times(&self) -> &Times {
         &self.times
     }
@@ -227,7 +230,7 @@ impl<L: Link> Bus<L> {
         self.delay
     }
 
-    /// The fault that stopped the machine.
+    /// The first fault, which stopped the machine; none without one.
     pub fn fault(&self) -> Option<Fault> {
         self.fault.map(|(fault, _)| fault)
     }
@@ -237,7 +240,7 @@ impl<L: Link> Bus<L> {
         self.working_counter
     }
 
-    /// Statusword of each drive, as received last.
+    /// Statusword (CiA 402, 0x6041) of each drive, as received last, in the order of the table.
     pub fn statuswords(&self) -> impl Iterator<Item = u16> {
         self.drives.iter().map(Drive::statusword)
     }
@@ -414,7 +417,7 @@ impl<L: Link> Bus<L> {
         to_init(&mut self.wire, self.table.bus.period);
     }
 
-    /// The fault in a sentence, with what to do.
+    /// The fault in a sentence, with what to do; none without a fault.
     pub fn fault_sentence(&self) -> Option<String> {
         Some(self.fault()?.sentence(&self.table))
     }

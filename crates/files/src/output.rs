@@ -65,7 +65,7 @@ impl Output {
     }
 
     /// Keeps the unfinished file under its temporary name and returns that path, for data that cannot be produced
-    /// again.
+    /// again. The path of a device or pipe is the one that the user gave.
     ///
     /// # Errors
     ///

@@ -161,7 +161,10 @@ impl Row {
         format!("{}{mark}", self.strategy.name())
     }
 
-    /// Row of a run on the named plant, with the paper's values for its speed.
+    /// Row of a run on the named plant, with the paper's values if the course is its motion at one of its two speeds.
+    ///
+    /// Errors of a stopped run are NaN. The loops count as stable until [`with_loops`](Self::with_loops)
+    /// judges them.
     pub fn of(plant: &str, run: &Run) -> Self {
         let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());
         let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));

@@ -81,12 +81,13 @@ pub struct BusTask {
 }
 
 impl BusTask {
-    /// Opens a UDP port of the loopback address. `period` is the control period \[s\]. Returns the bus task
-    /// and the control task's side.
+    /// Opens a UDP port of the loopback address; port 0 is any free one. `period` is the control period \[s\], up to
+    /// one second. Returns the bus task and the control task's side.
     ///
     /// # Errors
     ///
-    /// [`BusError`] when the port cannot be bound.
+    /// [`BusError::Port`] if the port cannot be bound, [`BusError::Random`] if the operating system supplies no random
+    /// number for the session.
     pub fn open(port: u16, period: f64) -> Result<(Self, LocalMachine), BusError> {
         let opened = UdpSocket::bind((Ipv4Addr::LOCALHOST, port))
             .and_then(|socket| socket.set_nonblocking(true).map(|()| socket));
@@ -111,7 +112,7 @@ impl BusTask {
         Ok((task, LocalMachine::new(exchange)))
     }
 
-    /// Number of the UDP port that is bound.
+    /// Number of the UDP port that is bound; 0 if the operating system does not report it.
     pub fn port(&self) -> u16 {
         self.socket.local_addr().map_or(0, |address| address.port())
     }
@@ -253,7 +254,8 @@ pub struct BusThread {
 }
 
 impl BusThread {
-    /// Ends the bus task with a safe command. None if the thread panicked outside its guarded task.
+    /// Ends the bus task with a safe command, and returns its statistics. None if the thread panicked outside its
+    /// guarded task.
     pub fn end(self) -> Option<BusReport> {
         self.stop.store(true, Ordering::Release);
         self.thread.join().ok()

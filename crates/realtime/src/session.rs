@@ -183,7 +183,10 @@ impl Session {
     }
 
     /// Orders that make the tasks ready for a trajectory: the course from the piston's position, and the simulation
-    /// synchronised to that position. `hung` has the load changes of the course.
+    /// synchronised to that position.
+    ///
+    /// `payload_changes` are those of the course: its time \[s\], and the payload from then on \[kg\], in order of
+    /// time.
     ///
     /// # Errors
     ///

@@ -120,7 +120,10 @@ impl FlowMonitor {
     /// Adds a measurement, `elapsed` \[s\] after the last one. Returns the disagreement of position and delivered
     /// volume as piston travel \[m\].
     ///
-    /// The disagreement is what no parameters within their ranges explain, beyond the tolerance; zero if some do.
+    /// The disagreement is `|A Δx + C + λ L + c P − k V| / A` at the parameters within their ranges that make it
+    /// smallest, less the tolerance and the oil's hysteresis. It is at least zero, and zero at the first measurement
+    /// of a state. The balance applies while the load-holding valves are open. A measurement that is not finite
+    /// makes the disagreement zero, and the supervisor's [plausibility checks](super::plausibility) find it.
     pub fn advance(&self, state: &mut FlowMonitorState, now: &FlowReading, elapsed: f64) -> f64 {
         let Some(last) = state.last.replace(*now) else { return 0.0 };
         let [pump, load, pump_b, accumulator] = now.pressures;
@@ -162,8 +165,8 @@ impl FlowMonitor {
         worst.fold(0.0, f64::max)
     }
 
-    /// Smallest drift of the position at rest \[m/s\] that is certainly detected within the time `within` \[s\], for
-    /// any leakage in its range, at a load pressure \[Pa\].
+    /// Smallest drift of the position at rest \[m/s\] that is certainly detected within the time `within` \[s\], above
+    /// zero, for any leakage in its range, at a load pressure \[Pa\].
     pub fn smallest_drift(&self, within: f64, pressure: f64) -> f64 {
         let leaked = (self.internal_leakage + self.case_leakage) * signed_root(pressure);
         // what leaks, and what the pump delivers to make it good
@@ -172,8 +175,8 @@ impl FlowMonitor {
         self.tolerance / within + (leaks + makes_good) / self.area
     }
 
-    /// Smallest relative error of the position's gain \[1\] that is certainly detected over a fast travel \[m\], for
-    /// any flow gain and slip in their ranges, at a load pressure \[Pa\].
+    /// Smallest relative error of the position's gain \[1\] that is certainly detected over a fast travel \[m\], above
+    /// zero, for any flow gain and slip in their ranges, at a load pressure \[Pa\]. Leakage is neglected.
     pub fn smallest_gain_error(&self, travel: f64, pressure: f64) -> f64 {
         let middle = 0.5 * (self.gain.high + self.gain.low);
         let slip = (self.slip.high - self.slip.low) * pressure / self.displacement;

@@ -80,7 +80,11 @@ impl OscillationDetector<f64> {
         slowest: 2.0,
     };
 
-    /// Time at rest within which an oscillation of a frequency \[Hz\] is detected \[s\].
+    /// Time at rest \[s\] within which an oscillation of a frequency f \[Hz\] is detected:
+    /// `(max(m, 2 f T + 2) + 2)/(2 f)`.
+    ///
+    /// It applies to a range of R_min at least, and to half-cycles shorter than [`slowest`](Self::slowest): above
+    /// 0.25 Hz with [`POSITIONING`](Self::POSITIONING). A slower oscillation is not detected.
     pub fn time_to_find(&self, frequency: f64) -> f64 {
         let half = 0.5 / frequency;
         // what is seen first is part of a half-cycle, and a turning point is known by its hysteresis
@@ -151,7 +155,7 @@ impl<T: Real> OscillationDetector<T> {
         self.found(state)
     }
 
-    /// Whether the last half-cycles are a sustained oscillation.
+    /// Whether the last half-cycles are a sustained oscillation: m of them at least, that take T at least.
     #[inline(always)]
     pub fn found(&self, state: &OscillationState<T>) -> T::Mask {
         (self.half_cycles - T::lit(0.5)).lt(state.half_cycles) & !state.time.lt(self.time)

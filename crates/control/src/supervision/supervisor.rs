@@ -98,7 +98,10 @@ impl Supervisor {
         }
     }
 
-    /// Changes the largest allowed piston speed \[m/s\].
+    /// Sets the largest piston speed of the course, [`Limits::speed`] \[m/s\], zero or more.
+    ///
+    /// A piston runs away if it exceeds this speed and that at the largest motor speed by the factor
+    /// [`RUNAWAY`](super::plausibility::RUNAWAY).
     pub fn set_speed(&mut self, speed: f64) {
         self.limits.speed = speed;
     }
@@ -114,6 +117,8 @@ impl Supervisor {
     }
 
     /// Longest time from any fault to the safe state \[s\]: motor at zero, valve de-energised.
+    ///
+    /// It is the longer of a controlled stop and of braking from the largest motor speed, plus two control periods.
     pub fn bound(&self) -> f64 {
         let brake = self.limits.motor_speed / self.limits.motor_slew;
         self.limits.stop_time.max(brake) + 2.0 * self.limits.period

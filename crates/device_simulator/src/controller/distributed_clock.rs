@@ -50,7 +50,8 @@ impl DistributedClock {
         self.local(now).wrapping_add(memory.u64(SYSTEM_TIME_OFFSET))
     }
 
-    /// Writes system time and the time of the next SYNC0 into the registers, at the bus time `now` \[ns\].
+    /// Writes system time (0x0910) and the time of the next SYNC0 (0x0990), both \[ns\], at the bus time `now` \[ns\].
+    /// Without cyclic operation 0x0990 is unchanged.
     pub fn update_registers(&self, memory: &mut Memory, now: u64) {
         memory.set(SYSTEM_TIME, &self.system(memory, now).to_le_bytes());
         if let Some(next) = self.next {
@@ -58,8 +59,11 @@ impl DistributedClock {
         }
     }
 
-    /// Latches the bus times \[ns\] at which a frame passed each port; `None` for an unused port. The processing unit
-    /// is at the first one.
+    /// Latches the local times at which a frame passed the ports 0 to 3. `ports` are the bus times \[ns\]; `None` for
+    /// an unused port.
+    ///
+    /// Registers 0x0900 to 0x090F receive 32 bits for each port that is used, and 0x0918 the 64 bits of port 0, where
+    /// the processing unit is.
     pub fn latch(&self, memory: &mut Memory, ports: [Option<u64>; 4]) {
         for (number, time) in (0..).zip(ports) {
             if let Some(time) = time {
@@ -112,7 +116,7 @@ impl DistributedClock {
         Some(now.saturating_add_signed(until_next - drift))
     }
 
-    /// Moves the next SYNC0 on by a cycle, after a pulse.
+    /// Moves the next SYNC0 on by its cycle time (0x09A0), after a pulse.
     pub fn advance_sync0(&mut self, memory: &Memory) {
         let cycle = u64::from(memory.u32(SYNC0_CYCLE));
         self.next = self.next.map(|next| next + cycle);

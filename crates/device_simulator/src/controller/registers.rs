@@ -4,27 +4,29 @@
 pub const INFORMATION: u16 = 0x0000;
 /// Features: bit 2, a distributed clock; bit 3, one of 64 bit.
 pub const FEATURES: u16 = 0x0008;
-/// Configured station address.
+/// Configured station address, 16 bit: set by the main device; 0 before.
 pub const STATION_ADDRESS: u16 = 0x0010;
-/// Configured station alias.
+/// Configured station alias, 16 bit: second address of a device, from word 4 of its EEPROM. Always 0 here, because
+/// it is not loaded.
 pub const STATION_ALIAS: u16 = 0x0012;
-/// Data link control.
+/// Data link control, 32 bit: forwarding of frames and loops of the ports. Stored without effect here.
 pub const DATA_LINK_CONTROL: u16 = 0x0100;
-/// Data link status: links and loops of the ports.
+/// Data link status, 16 bit: links and loops of the ports.
 pub const DATA_LINK_STATUS: u16 = 0x0110;
-/// AL control: requested state, and bit 4 to acknowledge an error.
+/// AL control, 16 bit: requested state in bits 0 to 3, and bit 4 to acknowledge an error.
 pub const AL_CONTROL: u16 = 0x0120;
-/// AL status: present state, and bit 4 for an error.
+/// AL status, 16 bit: present state in bits 0 to 3, and bit 4 for an error.
 pub const AL_STATUS: u16 = 0x0130;
-/// AL status code: reason of the error.
+/// AL status code, 16 bit: reason of the error; 0 without one.
 pub const AL_STATUS_CODE: u16 = 0x0134;
 /// PDI control: interface to the application.
 pub const PDI_CONTROL: u16 = 0x0140;
-/// Error counters of the ports, and lost links.
+/// Error counters, 8 bit each, up to 255: invalid frames and receiver errors of ports 0 to 3,
+/// then forwarded errors and lost links.
 pub const ERROR_COUNTERS: u16 = 0x0300;
-/// Watchdog divider, in units of 40 ns, minus 2.
+/// Watchdog divider, 16 bit, in units of 40 ns, minus 2.
 pub const WATCHDOG_DIVIDER: u16 = 0x0400;
-/// Time of the process-data watchdog, in units of the divider; 0 switches it off.
+/// Time of the process-data watchdog, 16 bit, in units of the divider; 0 switches it off.
 pub const WATCHDOG_PROCESS_DATA: u16 = 0x0420;
 /// Watchdog status: 1 while the process-data watchdog has not expired.
 pub const WATCHDOG_STATUS: u16 = 0x0440;
@@ -52,7 +54,7 @@ pub const SYSTEM_TIME_DIFFERENCE: u16 = 0x092c;
 pub const SPEED_COUNTER: u16 = 0x0930;
 /// Owner of the SYNC unit: main device or application.
 pub const SYNC_UNIT: u16 = 0x0980;
-/// Activation of cyclic operation, SYNC0 and SYNC1.
+/// Activation, 8 bit: bit 0 cyclic operation, bit 1 SYNC0, bit 2 SYNC1.
 pub const SYNC_ACTIVATION: u16 = 0x0981;
 /// Start time of cyclic operation; when read, the time of the next SYNC0, system time \[ns\].
 pub const SYNC_START: u16 = 0x0990;

@@ -5,19 +5,23 @@ use hydroboom_description::Description;
 /// Share of the largest bulk modulus below which the oil is soft \[-\].
 const SOFT_SHARE: f64 = 0.9;
 
-/// Bulk modulus at a pressure \[Pa\] as a share of the largest \[-\], where the oil is soft; none where it is stiff.
+/// Bulk modulus at a gauge pressure \[Pa\] as a share of the largest \[-\], below 0.9, where the oil is soft; none
+/// where it is stiff.
 pub fn bulk_modulus_share(description: &Description, pressure: f64) -> Option<f64> {
     let share = description.oil().bulk_modulus(pressure) / description.numbers.bulk_modulus_max;
     (share < SOFT_SHARE).then_some(share)
 }
 
-/// Motor torque \[N m\] that holds a pressure \[Pa\], without losses.
+/// Motor torque p D/(2 π) \[N m\] that holds a pressure difference p \[Pa\] across the pump, without losses. D is the
+/// crane file's pump displacement \[m³/rev\].
 pub fn holding_torque(description: &Description, pressure: f64) -> f64 {
     pressure * description.numbers.displacement / std::f64::consts::TAU
 }
 
-/// Remarks on a crane at rest, by piston position \[m\] and piston-side pressure \[Pa\]: a load beyond the motor's
-/// torque, and soft oil at the pressure of the load.
+/// Remarks on a crane at rest: a load beyond the motor's torque, and soft oil at the pressure of the load.
+///
+/// `pressures` has pairs of a piston position \[m\] and the gauge pressure on the piston side there \[Pa\]. Each
+/// remark is a sentence; there are none if nothing is remarkable.
 pub fn rest_remarks(description: &Description, pressures: &[(f64, f64)]) -> Vec<String> {
     let n = &description.numbers;
     let soft: Vec<String> = pressures
@@ -56,7 +60,8 @@ pub fn rest_remarks(description: &Description, pressures: &[(f64, f64)]) -> Vec<
     remarks
 }
 
-/// Largest of the pressures \[Pa\] over the stroke, zero at least.
+/// Largest of the gauge pressures \[Pa\] over the stroke, zero at least. `pressures` has pairs of piston position
+/// \[m\] and pressure \[Pa\].
 pub fn largest(pressures: &[(f64, f64)]) -> f64 {
     pressures.iter().map(|(_, pressure)| *pressure).fold(0.0, f64::max)
 }

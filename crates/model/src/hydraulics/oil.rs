@@ -89,7 +89,7 @@ impl<T: Real> Oil<T> {
         coordinate.lt(self.vapour_pressure)
     }
 
-    /// Relative compression `∫ dp/β` from zero to the given gauge pressure; the oil's density is
+    /// Relative compression `∫ dp/β` \[1\] from zero to a gauge pressure \[Pa\]; the oil's density is
     /// ρ_0 times its exponential.
     ///
     /// With z = (p − p_c1)/p_c2 the integral of equation (7) has the closed form
@@ -112,7 +112,7 @@ impl<T: Real> Oil<T> {
             / (self.transition_slope * max * min)
     }
 
-    /// Energy \[J/m³\] stored in a unit volume of compressed oil, `ρ(p) e(p)` with
+    /// Energy \[J/m³\] stored in a unit volume of oil compressed to a gauge pressure p \[Pa\]: `ρ(p) e(p)` with
     /// `e = ∫ p/(ρ β) dp` from zero gauge pressure.
     ///
     /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 16
