@@ -46,7 +46,7 @@ impl Claim {
         self.plants.iter().find(|figure| figure.plant == plant)
     }
 
-    /// Number of decimal places with which its figures are shown.
+    /// Number of decimal places with which its figures are shown: one for percentages, else two.
     pub fn digits(&self) -> usize {
         if self.unit == "%" { 1 } else { 2 }
     }
@@ -96,7 +96,8 @@ pub fn claims(shown: &Shown<'_>) -> Vec<Claim> {
     claims
 }
 
-/// Mean accuracy \[%\]: 100 % minus the mean of |f_model / f_plant − 1|.
+/// Mean accuracy \[%\] of eigenfrequencies in the same unit: 100 % minus the mean of |f_model / f_plant − 1|.
+/// Negative if the mean deviation exceeds 100 %; NaN if a frequency is NaN.
 pub fn accuracy_percent(model_hz: &[f64; 3], plant_hz: &[f64; 3]) -> f64 {
     let off = model_hz.iter().zip(plant_hz).map(|(model, plant)| (model / plant - 1.0).abs());
     100.0 * (1.0 - off.sum::<f64>() / model_hz.len() as f64)

@@ -17,7 +17,7 @@ pub struct FoundValue<'a> {
 
 /// Writes a value into the text of a crane file; comments and other keys are kept. If the key's range excludes the
 /// value, the range is widened to it and the source mentions it, because a value outside its range makes the file
-/// invalid.
+/// invalid. A path without a dot changes nothing; a missing section or key is added.
 pub fn write_value(document: &mut DocumentMut, found: FoundValue<'_>) {
     let Some((section, name)) = found.path.split_once('.') else { return };
     let before = document.get(section).and_then(|table| table.get(name));

@@ -26,7 +26,12 @@ const INTERVAL: f64 = 5e-3;
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be simulated or a file cannot be written.
+/// - [`LabError::File`] if the folder exists already or cannot be created;
+/// - [`LabError::Files`] if a file cannot be written;
+/// - [`LabError::Description`] if the worn crane cannot exist;
+/// - the errors of [`virtual_run`] if a crane cannot be simulated.
+///
+/// No partial data set is left in the folder.
 pub fn dataset(
     model: &Description,
     crane: &Description,

@@ -68,7 +68,8 @@ type ControllerResult = (TrackingError, bool, Option<String>);
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be simulated.
+/// [`LabError::Plant`] if a crane has no state of rest. A law whose simulation leaves the model's range of validity is
+/// no error: it is [`stopped`](DoubleDamping::stopped).
 pub fn double_damping(
     model: &Description,
     plant_name: &str,

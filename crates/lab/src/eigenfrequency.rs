@@ -72,11 +72,12 @@ pub const SMALL_DROP: f64 = 0.2e-3;
 /// Duration of the oscillation test \[s\].
 const DURATION: f64 = 4.0;
 
-/// Description of the crane without friction in the cylinder.
+/// Description of the crane without friction in the cylinder: Stribeck's law with viscous, Coulomb and breakaway
+/// friction of zero.
 ///
 /// # Errors
 ///
-/// None for a valid description.
+/// [`LabError::Description`] if the resulting machine is impossible; none for a valid description.
 pub fn without_friction(description: &Description) -> Result<Description, LabError> {
     let mut frictionless = description.clone();
     frictionless.set("friction.law=stribeck")?;
@@ -86,11 +87,13 @@ pub fn without_friction(description: &Description) -> Result<Description, LabErr
     Ok(frictionless)
 }
 
-/// Simulates the drop of the boom onto its cylinder with the load-holding valve shut (paper, section 5.2.2).
+/// Simulates the drop of the boom onto its cylinder with the load-holding valve shut (paper, section 5.2.2): 4 s, a
+/// sample every millisecond. The piston is at `stroke` \[m\], and the tip falls from `drop` \[m\] above its rest.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated at this piston position.
+/// [`LabError::Plant`] if the crane has no state of rest at this piston position; [`LabError::Simulation`] if its
+/// state leaves the model's range of validity.
 pub fn oscillation(
     description: &Description,
     stroke: f64,
@@ -130,7 +133,7 @@ fn locked(
 ///
 /// # Errors
 ///
-/// [`LabError::NoOscillation`] if there are fewer than three crossings.
+/// [`LabError::NoOscillation`] if there are fewer than three crossings, as with empty or NaN values.
 pub fn frequency(time: &[f64], values: &[f64]) -> Result<f64, LabError> {
     let mut mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let mut crossings = Vec::new();
@@ -168,7 +171,8 @@ fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
 }
 
 /// Frequency \[Hz\] of the lowest mode in an oscillation of several modes. A moving average over one period of the
-/// second mode \[Hz\] removes that mode and preserves the crossings of the lowest one.
+/// `second` mode \[Hz\] removes that mode and preserves the crossings of the lowest one; none leaves out the average.
+/// Times \[s\] must be equidistant.
 ///
 /// # Errors
 ///
@@ -191,7 +195,7 @@ pub fn lowest_mode_frequency(
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane has no state of rest or no oscillatory mode there.
+/// [`LabError::NoOscillation`] if there is no oscillatory mode; otherwise see [`locked_modes`].
 pub fn locked_mode(description: &Description, stroke: f64) -> Result<Mode, LabError> {
     lowest(&locked_modes(description, stroke)?)
 }
@@ -205,11 +209,12 @@ fn lowest(modes: &[ShapedMode]) -> Result<Mode, LabError> {
 }
 
 /// All oscillatory modes of the linearised crane with locked cylinder at a piston position \[m\], in order of
-/// increasing frequency.
+/// increasing frequency. Modes below 0.1 Hz or with a damping ratio of 0.9 or more do not count.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane has no state of rest or its eigenvalues cannot be computed.
+/// [`LabError::Plant`] if the crane has no state of rest there; [`LabError::Design`] if its eigenvalues or mode shapes
+/// cannot be computed.
 pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<ShapedMode>, LabError> {
     let crane = locked(description, stroke, description.numbers.simulation_period)?;
     let input = Input { pump_speed: 0.0, holding_valve: 0.0 };
@@ -237,7 +242,7 @@ pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<Shaped
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated there or its linearisation does not oscillate.
+/// See [`locked_mode`] for the linearisation and [`oscillation`] for the simulation.
 pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
     let frictionless = without_friction(description)?;
     let drop = description.numbers.oscillation_drop;

@@ -58,7 +58,8 @@ pub struct Audit {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated.
+/// [`LabError::Plant`] if the crane has no state of rest at the start of the motion; [`LabError::Simulation`] if its
+/// state leaves the model's range of validity.
 pub fn audit(description: &Description, scheme: Scheme, step: f64) -> Result<Audit, LabError> {
     let mut motion = description.motion(description.numbers.fast);
     // motion without the long pauses

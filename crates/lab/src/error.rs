@@ -15,10 +15,10 @@ pub enum LabError {
     /// A crane file or an override is invalid.
     #[error(transparent)]
     Description(#[from] DescriptionError),
-    /// The simulation stopped.
+    /// The simulation stopped, because a state left the model's range of validity.
     #[error("{during}: {error}")]
     Simulation {
-        /// Simulated object.
+        /// Name of the simulated experiment, as controller and course.
         during: String,
         /// Reason of the stop.
         error: SimulationError,
@@ -34,12 +34,12 @@ pub enum LabError {
     /// The crane cannot be built.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// The step does not divide the run.
+    /// The integration step is longer than the run.
     #[error("a step of {step_us} us does not fit into a run of {duration_s} s")]
     Step {
-        /// Requested step.
+        /// Requested step \[us\].
         step_us: f64,
-        /// Duration of the run.
+        /// Duration of the run \[s\].
         duration_s: f64,
     },
     /// A survey of the tip, or a fit to it, is invalid.
@@ -56,7 +56,8 @@ pub enum LabError {
     /// Stopped on request.
     #[error("stopped")]
     Stopped,
-    /// A machine would exceed its margins.
+    /// A machine would exceed its margins of pressure, end-stop distance, tracking error or motor speed under the
+    /// commands. States each margin with the largest value and its time.
     #[error("not applied, for it would exceed the crane's margins: {0}")]
     Margins(String),
     /// The oscillation is too small or too short to measure.

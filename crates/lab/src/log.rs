@@ -31,7 +31,8 @@ pub fn columns(names: &[&str], units: &[&str], prefix: &str) -> Vec<String> {
         .collect()
 }
 
-/// Values in the display units of these columns, from values in their SI units.
+/// Values in the display units of these columns (bar, mm, mm/s, l, l/min, rpm, N), from values in their SI units. A
+/// value of any other unit is unchanged.
 pub fn scaled<'a>(values: &'a [f64], units: &'a [&'static str]) -> impl Iterator<Item = f64> + 'a {
     values.iter().zip(units).map(|(value, unit)| value / shown_unit(unit).1)
 }
@@ -111,7 +112,8 @@ impl Log {
         Self { writer: Writer::begin(path, header) }
     }
 
-    /// Appends a row, with a value for each column of the header.
+    /// Appends a row, with a value for each column of the header; NaN and infinite values are written as such. Another
+    /// number of values fails in a CSV file. An earlier error makes this call do nothing.
     pub fn row(&mut self, values: &[f64]) {
         if let Ok(writer) = &mut self.writer
             && let Err(error) = writer.row(values)
@@ -124,7 +126,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// [`FileError`] if it could not be written.
+    /// [`FileError`] of creating the file, of the first row that could not be written, or of the renaming.
     pub fn finish(self) -> Result<(), FileError> {
         self.writer?.finish()
     }

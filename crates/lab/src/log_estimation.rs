@@ -76,7 +76,7 @@ pub struct LogEstimate {
     pub duration: f64,
     /// Control period of the filter \[s\].
     pub period: f64,
-    /// Median sampling intervals of the log's position and pressure \[s\].
+    /// Median sampling intervals of the log's position and piston-side pressure \[s\]; NaN for a missing signal.
     pub interval: [f64; 2],
     /// Standard deviations of position \[m\] and load pressure \[Pa\] that the filter assumes.
     pub noise: [f64; 2],
@@ -136,8 +136,8 @@ impl LogEstimate {
 ///
 /// # Errors
 ///
-/// [`LabError::Input`] if there is no position, or less than 0.1 s of it; [`LabError::Design`] if the crane
-/// file gives no reduced model.
+/// [`LabError::Input`] if there is no position, less than 0.1 s of it or more than a day at 1 ms, or never a position
+/// and a pressure at the same time. [`LabError::Design`] if the crane file gives no reduced model.
 pub fn estimate(
     description: &Description,
     signals: &Signals,
@@ -296,14 +296,15 @@ fn remark_on_run(run: &Run, remarks: &mut Vec<String>) {
     }
 }
 
-/// Name of an estimate without the unit at its end, for tables.
+/// Name of an estimate without the unit at its end, for tables, with spaces for underscores. A name without a known
+/// unit is not cut.
 pub fn readable(name: &str) -> String {
     let cut = ["_mm_s", "_mm", "_kg", "_bar", "_n", "_l_min", "_ms"];
     let bare = cut.iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name);
     bare.replace('_', " ")
 }
 
-/// Display unit at the end of an estimate's name.
+/// Display unit at the end of an estimate's name, as `mm/s` for `_mm_s`; empty if the name ends in no known unit.
 pub fn unit(name: &str) -> &'static str {
     const UNITS: [(&str, &str); 7] = [
         ("_mm_s", "mm/s"),

@@ -75,7 +75,8 @@ pub struct Verdict {
     pub load_pressure: InnovationSummary,
     /// Faults of signals; empty if none was found.
     pub findings: Vec<SignalFinding>,
-    /// Names of the parameters whose standard deviation the motion hardly reduces.
+    /// Parameters that the log does not determine, each with the reason: the motion hardly reduces their standard
+    /// deviation, a signal is missing, or no motion can tell them apart.
     pub unobservable: Vec<String>,
     /// Times at which the innovations indicate a load change or a shock \[s\].
     pub load_changes_s: Vec<f64>,

@@ -41,7 +41,7 @@ fn variable(name: &str, rows: &[Vec<f64>], kind: i32) -> Vec<u8> {
     bytes
 }
 
-/// Content of a MAT file of level 4: matrices, and lists of names as character matrices.
+/// Content of a MAT file of level 4: matrices, and lists of names (variable, lines) as character matrices.
 pub fn mat_file(matrices: &[Matrix<'_>], names: &[(&str, &[String])]) -> Vec<u8> {
     let numbers = matrices.iter().flat_map(|matrix| variable(matrix.name, matrix.rows, 0));
     let texts = names.iter().flat_map(|(name, lines)| text(name, lines));

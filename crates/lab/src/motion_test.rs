@@ -226,7 +226,8 @@ pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if either crane cannot be built or its state leaves the model's range of validity.
+/// [`LabError::Plant`] or [`LabError::Design`] if a crane or the controller cannot be built; [`LabError::Simulation`] if
+/// a state leaves the model's range of validity.
 pub fn run(
     model: &Description,
     plant: &Description,
@@ -251,7 +252,7 @@ pub fn run(
 ///
 /// # Errors
 ///
-/// [`LabError`] if either crane cannot be built.
+/// [`LabError::Plant`] or [`LabError::Design`] if a crane or the controller cannot be built.
 pub fn attempted(
     model: &Description,
     plant: &Description,
@@ -293,11 +294,12 @@ fn count(model: &Description, course: &dyn Course) -> usize {
     (course.duration() / model.numbers.control_period) as usize + 2
 }
 
-/// Frequency \[Hz\] of the oscillation of p_A after the start of the cruise, from a run under velocity feedforward.
+/// Frequency \[Hz\] of the oscillation of the true p_A during the first cruise at constant speed, from a run under
+/// velocity feedforward. It is n/Δt between upward crossings of the mean, as in [`crate::eigenfrequency::frequency`].
 ///
 /// # Errors
 ///
-/// [`LabError::NoOscillation`] if there are fewer than two periods.
+/// [`LabError::NoOscillation`] if there are fewer than two whole periods.
 pub fn pressure_oscillation(motion: &OutAndBack<f64>, run: &Run) -> Result<f64, LabError> {
     let from = motion.rest + motion.ramp;
     let to = motion.rest + motion.travel_time() - motion.ramp;

@@ -41,7 +41,7 @@ const ROUNDING: f64 = 1e-10;
 ///
 /// # Errors
 ///
-/// None for a valid description.
+/// [`LabError::Description`] if the resulting machine is impossible; none for a valid description.
 pub fn lossless(description: &Description) -> Result<Description, LabError> {
     let mut lossless = without_friction(description)?;
     for assignment in [
@@ -60,7 +60,8 @@ pub fn lossless(description: &Description) -> Result<Description, LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane has no state of rest or does not oscillate.
+/// [`LabError::NoOscillation`] if the crane does not oscillate; [`LabError::Plant`] if it has no state of rest at 40 %
+/// of its stroke; [`LabError::Design`] if eigenvalues cannot be computed.
 pub fn numerical_damping(description: &Description) -> Result<Vec<NumericalDamping>, LabError> {
     let lossless = lossless(&description.divided(SEGMENTS))?;
     let trials = [

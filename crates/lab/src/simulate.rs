@@ -49,7 +49,9 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// [`LabError::Input`] with the line and column of an invalid entry.
+    /// [`LabError::Files`] if the file cannot be read or is too long. [`LabError::Input`] with the line and column of
+    /// an invalid entry: no finite number, a valve outside 0 to 1, a speed beyond ±100 000 rpm, or a time that does
+    /// not increase. The same if a column is missing, or there are fewer than two rows.
     pub fn read(path: &Path) -> Result<Self, LabError> {
         let name = path.display().to_string();
         let file = hydroboom_files::bytes(path, "recorded input", LONGEST)?;
@@ -106,7 +108,8 @@ impl Recording {
         self.rows[self.rows.len() - 1].0 - self.rows[0].0
     }
 
-    /// Input at a time \[s\] since the first row: that of the last row up to this time.
+    /// Input at a time \[s\] since the first row: that of the last row up to this time. Before the first row it is the
+    /// first, after the last row the last.
     pub fn at(&self, time: f64) -> Input<f64> {
         let first = self.rows[0].0;
         let next = self.rows.partition_point(|(t, _)| *t <= first + time);
@@ -153,11 +156,13 @@ pub struct Simulated {
     pub log: Result<(), FileError>,
 }
 
-/// Simulates a crane under a given input and writes a log. `progress` receives the share done.
+/// Simulates a crane under a given input and writes a log, a row per `log_interval` rounded to whole steps. `progress`
+/// receives the share done, 0 to 1. An error of writing the log does not stop the simulation.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated.
+/// [`LabError::Plant`] if the crane has no state of rest, or cannot take a payload; [`LabError::Step`] if the step is
+/// longer than the run; [`LabError::Simulation`] if a state leaves the model's range of validity.
 pub fn simulate(
     description: &Description,
     drive: &Drive,

@@ -328,7 +328,9 @@ fn rows(runs: &[(String, Run)], loops: &[PlantLoops], is_papers_crane: bool) -> 
 ///
 /// # Errors
 ///
-/// [`LabError`] if an experiment fails.
+/// The first error of an experiment: [`LabError::Description`] if the off-model plant is impossible,
+/// [`LabError::Plant`] or [`LabError::Build`] if a crane has no state of rest or no model. [`LabError::Design`] if a
+/// controller cannot be designed; [`LabError::Simulation`] or [`LabError::NoOscillation`] if a test fails.
 pub fn study(
     description: &Description,
     virtual_crane: Option<&Description>,

@@ -108,11 +108,12 @@ pub struct Summary {
 }
 
 /// Simulates the virtual crane in a task and writes the requested logs. Returns the summary, and the logs that could
-/// not be written with the reasons. `progress` receives the share done.
+/// not be written with the reasons. `progress` receives the share done, 0 to 1.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated.
+/// [`LabError::Plant`] if the crane has no state of rest at the start; [`LabError::Simulation`] if a state leaves the
+/// model's range of validity; for a course also those of [`simulate_closed_loop`].
 pub fn virtual_run(
     model: &Description,
     crane: &Description,
@@ -213,7 +214,7 @@ fn simulate_task(
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be simulated.
+/// See [`simulate_closed_loop`]; the first strategy that fails ends all.
 pub fn strategies(
     model: &Description,
     crane: &Description,

@@ -24,11 +24,11 @@ pub struct SurveyOrder {
 }
 
 /// Simulates the survey of a virtual crane's tip: piston position as measured by its encoder, true tip position plus
-/// normal noise.
+/// normal noise. Poses are equidistant from the start to the end of the crane file's motion, each with both payloads.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot rest at a pose.
+/// [`LabError::Plant`] if the crane has no state of rest at a pose.
 pub fn virtual_survey(crane: &Description, order: &SurveyOrder) -> Result<TipSurvey, LabError> {
     let mut random = Pcg64Mcg::seed_from_u64(order.seed);
     let mut noise = || order.deviation * Distribution::<f64>::sample(&StandardNormal, &mut random);

@@ -58,11 +58,11 @@ const INTERVAL: f64 = 2e-3;
 const STEPS: [f64; 4] = [0.0, 1.0, -1.0, 0.0];
 
 /// Error and computing time of the integration schemes over the step, without substeps, so that their own stability
-/// limits show.
+/// limits show. The reference is the explicit Runge-Kutta scheme with a step of 1 us.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane has no state of rest.
+/// [`LabError::Build`] if no model of three segments can be built from the crane file, or it has no state of rest.
 pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError> {
     let three = description.divided(3);
     let crane = three.crane::<3>()?;

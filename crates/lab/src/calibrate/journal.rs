@@ -34,7 +34,9 @@ impl Journal {
     ///
     /// # Errors
     ///
-    /// [`LabError`] if the file cannot be read or written, or belongs to another search.
+    /// [`LabError::Files`] if the file cannot be read, is longer than 100 MB or is no UTF-8 text, or its folder cannot
+    /// be written. [`LabError::File`] if the file cannot be opened or written; [`LabError::Input`] if it belongs to
+    /// another search.
     pub fn open(path: &Path, heading: &str) -> Result<Self, LabError> {
         let name = path.display().to_string();
         let failed = |error| LabError::File { path: name.clone(), error };
@@ -69,7 +71,8 @@ impl Journal {
         Ok(Self { known, file: Some((path.into(), file)) })
     }
 
-    /// Evaluation at a point, from the journal if it has it, else computed by `make` and recorded. None if it fails.
+    /// Evaluation at a point, from the journal if it has it, else computed by `make` and recorded. None if it fails;
+    /// a failure is recorded too. Points are equal only bit by bit, so rounding makes another point.
     ///
     /// # Errors
     ///

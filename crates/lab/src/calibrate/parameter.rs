@@ -19,7 +19,8 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Value in the key's unit at a share of the range, 0 to 1.
+    /// Value in the key's unit at a share s of the range, 0 to 1: low + (high − low) s, or low (high/low)^s if
+    /// logarithmic. A share outside 0 to 1 extrapolates; NaN gives NaN.
     pub fn value(&self, share: f64) -> f64 {
         match self.logarithmic {
             true => self.low * (self.high / self.low).powf(share),
@@ -28,7 +29,8 @@ impl Parameter {
     }
 
     /// Share of the range at which a value in the key's unit lies: 0 at the smallest, 1 at the largest plausible
-    /// value.
+    /// value. It is the inverse of [`value`](Self::value) and is not clamped. If logarithmic, zero gives −∞ and a
+    /// negative value NaN.
     pub fn share(&self, value: f64) -> f64 {
         match self.logarithmic {
             true => (value / self.low).ln() / (self.high / self.low).ln(),
@@ -88,11 +90,12 @@ pub const PARAMETERS: [Parameter; 24] = [
     linear("motion.rest_s", 0.5, 8.0, "the paper does not state the window of its errors"),
 ];
 
-/// Crane with the calibrated parameters at the given shares of their ranges; shares are clamped to 0 to 1.
+/// Crane with the calibrated parameters at the given shares of their ranges \[-\], in the order of [`PARAMETERS`].
+/// Shares are clamped to 0 to 1. Parameters without a share keep the template's value.
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] if such a machine cannot exist.
+/// [`LabError::Description`] if such a machine cannot exist, or a share is NaN.
 pub fn crane_at(template: &Description, shares: &[f64]) -> Result<Description, LabError> {
     let mut crane = template.clone();
     for (parameter, share) in PARAMETERS.iter().zip(shares) {
@@ -102,7 +105,8 @@ pub fn crane_at(template: &Description, shares: &[f64]) -> Result<Description, L
     Ok(crane)
 }
 
-/// Shares of the ranges at which a crane's calibrated parameters lie, in the order of [`PARAMETERS`].
+/// Shares of the ranges at which a crane's calibrated parameters lie \[-\], in the order of [`PARAMETERS`]. They are
+/// clamped to 0 to 1; a key that the crane does not have gives 0.5.
 pub fn shares_of(crane: &Description) -> [f64; PARAMETERS.len()] {
     PARAMETERS.map(|parameter| {
         crane

@@ -68,11 +68,14 @@ pub struct Tests {
     motion: OutAndBack<f64>,
 }
 
-/// Simulates the tests on a crane, with controllers designed for `model`, on two threads.
+/// Simulates the tests on a crane, with controllers designed for `model`, on two threads: Table 5 by linearisation
+/// without friction, Tables 6 to 8 by runs at both speeds of the model.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane cannot be simulated.
+/// [`LabError::Plant`] if model or crane has no state of rest; [`LabError::Simulation`] if a state leaves the model's
+/// range of validity. [`LabError::NoOscillation`] or [`LabError::Design`] if the linearised crane has no oscillatory
+/// mode or its eigenvalues cannot be computed.
 pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError> {
     let [slow, fast] = [model.numbers.slow, model.numbers.fast];
     let pair = |strategy| -> Result<[Run; 2], LabError> {
@@ -101,7 +104,7 @@ pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError
 ///
 /// # Errors
 ///
-/// [`LabError::NoOscillation`] if p_A does not oscillate.
+/// [`LabError::NoOscillation`] if p_A makes fewer than two whole periods at constant speed.
 pub fn shown(tests: &Tests) -> Result<[f64; RESULTS], LabError> {
     let mut values = Vec::with_capacity(RESULTS);
     values.extend(tests.eigenfrequency);
@@ -119,7 +122,8 @@ pub fn shown(tests: &Tests) -> Result<[f64; RESULTS], LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if either cannot be simulated.
+/// [`LabError::Plant`] if model or crane has no state of rest; [`LabError::Simulation`] if a state leaves the model's
+/// range of validity.
 pub fn table_6(model: &Description, crane: &Description) -> Result<[(f64, f64); 6], LabError> {
     let course = crane.motion(model.numbers.fast);
     let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, &course);
@@ -127,8 +131,10 @@ pub fn table_6(model: &Description, crane: &Description) -> Result<[(f64, f64); 
 }
 
 /// Table 6: RMS and peak of the difference, crane minus simulation, of each signal between two runs under
-/// the same input, in the table's units. The paper does not define the sign. With this one all six signs of
-/// its peaks agree with the calibrated crane's; with the opposite one none does.
+/// the same input, in the table's units: position \[mm\], then five pressures \[bar\]. The paper does not define the
+/// sign. With this one all six signs of its peaks agree with the calibrated crane's; with the opposite one none does.
+///
+/// Signals are the measured ones, period by period. Zero if a run has no samples; NaN in a signal makes its RMS NaN.
 pub fn differences(simulated: &Run, crane: &Run) -> [(f64, f64); 6] {
     let signals = |r: &AxisSignals<f64>| {
         [

@@ -165,12 +165,16 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Downhill<'_, '_> {
 }
 
 /// Searches for the parameters with which the template reproduces the published results. The global method
-/// is covariance matrix adaptation, the local one Levenberg-Marquardt. The same template, effort and seed
-/// give the same crane.
+/// is covariance matrix adaptation, the local one Levenberg-Marquardt. The random seed is fixed, so the same template
+/// and effort give the same crane.
+///
+/// The loss is Σ ln(1 + d²) with d each deviation from a published result over its tolerance (Cauchy's loss), plus a
+/// weak prior at the template's values and a penalty outside the ranges.
 ///
 /// # Errors
 ///
-/// [`LabError`] if the model or every crane cannot be simulated, or the journal fails.
+/// [`LabError::Input`] if no crane within the ranges can be simulated, or the population size is not allowed.
+/// [`LabError::File`] if the journal cannot be written.
 pub fn search(
     model: &Description,
     template: &Description,

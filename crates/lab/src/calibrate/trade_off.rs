@@ -5,12 +5,13 @@ use super::published::{RESULTS, shown, tests};
 use crate::LabError;
 use hydroboom_description::Description;
 
-/// Results of a crane for several values of a key (in the key's unit), in the order of
-/// [`published`](super::published()).
+/// Results of a crane for several values of a key (in the key's unit), a row per value in the order of
+/// [`published`](super::published()). `progress` receives the number of completed rows.
 ///
 /// # Errors
 ///
-/// [`LabError`] if there is no such key, or a crane with such a value cannot be simulated.
+/// [`LabError::Description`] if there is no such key, or the value is NaN or gives an impossible machine. Otherwise
+/// see [`tests`](super::tests()) and [`shown`](super::shown()).
 pub fn trade_off(
     model: &Description,
     crane: &Description,

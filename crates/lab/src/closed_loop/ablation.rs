@@ -101,8 +101,9 @@ pub struct Row {
     /// Number of simulated cranes.
     pub cranes: usize,
     /// Geometric mean over the cranes of the ratio of RMS errors \[-\]; above 1 the mechanism reduces the error.
+    /// Cranes that did not finish the course are left out; 1 if none finished it.
     pub mean_ratio: f64,
-    /// Largest ratio of RMS errors \[-\].
+    /// Largest ratio of RMS errors \[-\] of the cranes that finished the course; 0 if none did.
     pub largest_ratio: f64,
     /// Number of cranes in sustained oscillation, or stopped, without the mechanism.
     pub oscillating: usize,
@@ -113,7 +114,8 @@ pub struct Row {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built.
+/// [`LabError::Description`] if a crane of the family cannot exist; [`LabError::Scenario`] if a course has an unknown
+/// name. A crane that cannot finish a course counts as oscillating.
 pub fn ablation(
     model: &Description,
     nominal: &Description,

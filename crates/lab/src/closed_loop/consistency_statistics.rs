@@ -16,16 +16,19 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::VecDeque;
 use std::ops::RangeInclusive;
 
-/// Required range of the mean NIS over a window \[-\]; 1 for a consistent filter.
+/// Required range of the mean NIS over a window \[-\]; 1 for a consistent filter. An estimate: wider than the χ² band,
+/// which holds for white innovations only.
 pub const NIS_RANGE: RangeInclusive<f64> = 0.5..=2.0;
-/// Required share of windows \[%\] with a mean NIS within [`NIS_RANGE`].
+/// Smallest share of windows \[%\] with a mean NIS within [`NIS_RANGE`]; an estimate.
 pub const NIS_SHARE: f64 = 90.0;
-/// Required share of errors \[%\] within two standard deviations; 95.4 for a normal distribution.
+/// Required share of errors \[%\] within two standard deviations; 95.4 for a normal distribution. The range is an
+/// estimate.
 pub const COVERAGE: RangeInclusive<f64> = 90.0..=99.0;
 /// Smallest number of instants for a statement on coverage. Of that many, a normal distribution leaves five
 /// outside on average.
 pub const FEWEST_INSTANTS: usize = 100;
-/// Largest allowed ratio of mean standard deviation to RMS error \[-\]: above it the filter is too pessimistic.
+/// Largest allowed ratio of mean standard deviation to RMS error \[-\]: above it the filter is too pessimistic; an
+/// estimate.
 pub const LARGEST_DEVIATION: f64 = 2.0;
 
 /// Innovations of one measured signal, sample by sample: means over windows, and autocorrelation.
@@ -49,7 +52,8 @@ pub struct Innovations {
 }
 
 impl Innovations {
-    /// Empty statistics for windows of `window` samples (at least one) and an autocorrelation over `lags` \[samples\].
+    /// Empty statistics for windows of `window` samples and an autocorrelation over `lags` \[samples\]. A window of 0
+    /// counts as 1; an empty range of lags gives no autocorrelation.
     pub fn new(window: usize, lags: RangeInclusive<usize>) -> Self {
         let count = lags.clone().count();
         Self {
@@ -66,7 +70,7 @@ impl Innovations {
     }
 
     /// Adds the normalised innovation ν/√S \[-\] of a sample. None excludes the sample and its window, as after a load
-    /// change.
+    /// change. NaN is not excluded: the mean of its window and the autocorrelation become NaN.
     pub fn add(&mut self, normalised: Option<f64>) {
         match normalised {
             Some(value) => {
@@ -96,7 +100,8 @@ impl Innovations {
         }
     }
 
-    /// Autocorrelation of largest magnitude \[-\] with its lag \[samples\]; none without samples.
+    /// Autocorrelation r(l) of largest magnitude \[-\] with its lag l \[samples\]. None without samples, or if no
+    /// value is finite.
     pub fn largest_autocorrelation(&self) -> Option<(f64, usize)> {
         let square = self.squares.0 / self.squares.1 as f64;
         self.lags
@@ -123,11 +128,11 @@ pub struct InnovationSummary {
     /// Lower and upper limit of the 95 % band of a window's mean NIS \[-\]: quantiles of χ² with the window's number
     /// of samples as degrees of freedom, over that number.
     pub chi_square_band: [f64; 2],
-    /// Median over the runs of the largest magnitude of the autocorrelation \[-\].
+    /// Median over the runs of the largest magnitude of the autocorrelation \[-\]; NaN if no run has one.
     pub median_autocorrelation: f64,
-    /// Autocorrelation of largest magnitude in all runs, with its sign \[-\].
+    /// Autocorrelation of largest magnitude in all runs, with its sign \[-\]; NaN if no run has one.
     pub largest_autocorrelation: f64,
-    /// Lag of the autocorrelation of largest magnitude \[samples\].
+    /// Lag of the autocorrelation of largest magnitude \[samples\]; 0 if no run has one.
     pub largest_at_lag: usize,
 }
 
@@ -191,7 +196,8 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Adds an error, estimate minus truth, and its standard deviation, both in the quantity's unit.
+    /// Adds an error, estimate minus truth, and its standard deviation, both in the quantity's unit. An error of
+    /// exactly zero adds nothing to the NEES, even with a standard deviation of zero. NaN makes the means NaN.
     pub fn add(&mut self, error: f64, deviation: f64) {
         self.count += 1;
         // at the largest bulk modulus both error and standard deviation are exactly zero
@@ -202,7 +208,7 @@ impl Errors {
         self.covered += u64::from(error.abs() <= 2.0 * deviation);
     }
 
-    /// Adds the errors of another run.
+    /// Adds the errors of another run, which must be in the same unit.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.nees += other.nees;
@@ -241,7 +247,8 @@ pub struct ErrorSummary {
     pub rms_error: f64,
     /// Mean standard deviation stated by the filter, in the display unit.
     pub mean_deviation: f64,
-    /// Mean standard deviation over RMS error \[-\]: below 1 the filter is too optimistic.
+    /// Mean standard deviation over RMS error \[-\]: below 1 the filter is too optimistic. Infinite or NaN if all
+    /// errors are zero.
     pub deviation_over_rms: f64,
     /// Share of errors within two standard deviations \[%\].
     pub coverage_percent: f64,

@@ -95,7 +95,8 @@ pub struct Consistency {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built or the estimator cannot be designed for the model.
+/// [`LabError::Description`] if a crane of the family cannot exist; [`LabError::Scenario`] if a course has an unknown
+/// name; [`LabError::Design`] if the estimator cannot be designed for the model.
 pub fn consistency(
     model: &Description,
     nominal: &Description,

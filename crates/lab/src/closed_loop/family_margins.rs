@@ -49,9 +49,9 @@ pub struct FamilyMargins {
     pub phase_p5_deg: f64,
     /// Median of the phase margin of the stable loops \[deg\].
     pub phase_median_deg: f64,
-    /// 5th percentile of the gain margin, a factor \[-\], of the stable loops that have one.
+    /// 5th percentile of the gain margin, a factor \[-\], of the stable loops that have one; NaN if none has.
     pub gain_p5: f64,
-    /// Median of the gain margin, a factor \[-\], of the stable loops that have one.
+    /// Median of the gain margin, a factor \[-\], of the stable loops that have one; NaN if none has.
     pub gain_median: f64,
     /// Crane and position of smallest margin; if loops are unstable, the one furthest from stability.
     pub worst: MemberMargins,
@@ -90,7 +90,8 @@ impl FamilyMargins {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built or linearised.
+/// [`LabError::Description`] if a crane of the family cannot exist; [`LabError::Design`] if a controller cannot be
+/// designed or a crane cannot be linearised.
 pub fn family_margins(
     model: &Description,
     nominal: &Description,

@@ -26,7 +26,7 @@ pub struct Effort {
     /// Largest distance of the tip from the straight continuation of the first segment \[mm\].
     pub tip_deflection_mm: f64,
     /// RMS vibration of the tip's deflection, without its slow part, while the reference is at rest \[mm\], from the
-    /// first motion on.
+    /// first motion on. Zero if the reference does not rest after a motion.
     pub residual_vibration_mm: f64,
     /// Motor ripple at rest \[rpm\], an effect of noise and friction: standard deviation of the commanded motor speed
     /// within windows of 1 s. Counted is the time in which the reference has rested for at least 1 s, no load changed
@@ -75,7 +75,7 @@ pub struct SustainedOscillation {
     pub motor_at_limit: bool,
 }
 
-/// Share of a motor limit \[-\] from which the limit counts as reached.
+/// Share of a motor limit \[-\] from which the limit counts as reached; below 1 because of rounding, an estimate.
 pub const REACHED: f64 = 0.999;
 
 impl SustainedOscillation {
@@ -275,22 +275,22 @@ impl Metrics {
         }
     }
 
-    /// RMS of the true tracking error \[m\], without sensor noise and fieldbus delay.
+    /// RMS of the true tracking error \[m\], without sensor noise and fieldbus delay; zero before the first period.
     pub fn true_rms(&self) -> f64 {
         (self.true_square / self.count.max(1) as f64).sqrt()
     }
 
-    /// True error of largest magnitude, with its sign \[m\].
+    /// True error of largest magnitude, with its sign \[m\]; zero before the first period.
     pub fn true_peak(&self) -> f64 {
         self.true_peak
     }
 
-    /// RMS of the measured tracking error \[m\].
+    /// RMS of the measured tracking error \[m\]; zero before the first period.
     pub fn rms(&self) -> f64 {
         (self.square / self.count.max(1) as f64).sqrt()
     }
 
-    /// Measured error of largest magnitude, with its sign \[m\].
+    /// Measured error of largest magnitude, with its sign \[m\]; zero before the first period.
     pub fn peak(&self) -> f64 {
         self.peak
     }

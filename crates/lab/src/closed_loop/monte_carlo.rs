@@ -42,7 +42,8 @@ pub type Outcomes = Vec<Vec<Outcome>>;
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built. A crane that cannot finish a course counts as unstable.
+/// [`LabError::Scenario`] if a course has an unknown name. A crane that cannot be built, or cannot finish a course,
+/// counts as unstable.
 pub fn family(
     model: &Description,
     members: Vec<Member>,

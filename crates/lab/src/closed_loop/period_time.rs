@@ -57,11 +57,13 @@ impl Controller for Timed {
 }
 
 /// Execution times of controllers along a course on one crane, run one after the other. Each period counts
-/// with its minimum over the runs, which excludes the load by other programs.
+/// with its minimum over the runs, which excludes the load by other programs. Zero `runs` count as one.
 ///
 /// # Errors
 ///
-/// [`LabError`] if crane or controller cannot be built, or the state leaves the model's range of validity.
+/// [`LabError::Plant`] if the crane has no state of rest; [`LabError::Design`], [`LabError::NoBaseline`] or
+/// [`LabError::NoOscillation`] if a controller cannot be designed. [`LabError::Simulation`] if a state leaves the
+/// model's range of validity.
 pub fn period_times(
     model: &Description,
     crane: &Description,

@@ -56,7 +56,7 @@ pub struct Outcome {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be changed accordingly.
+/// [`LabError::Description`] if a crane cannot be changed accordingly.
 pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>, LabError> {
     let n = &crane.numbers;
     let fast = CourseChoice::Motion(model.numbers.fast);
@@ -188,7 +188,8 @@ impl<P: Trajectory> Course for Named<P> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the model has no such mode.
+/// [`LabError::NoOscillation`] if the model has no such mode; [`LabError::Plant`] or [`LabError::Design`] if it has no
+/// state of rest at the middle of its motion, or its eigenvalues cannot be computed.
 pub fn shaping(model: &Description, crane: &Description) -> Result<Vec<Trial>, LabError> {
     let middle = 0.5 * (model.numbers.motion_start + model.numbers.motion_end);
     let mode = locked_mode(model, middle)?;
@@ -244,7 +245,8 @@ impl Outcome {
 }
 
 /// Simulates each trial under each controller, on all cores. Controllers are designed for `model` and know nothing of
-/// the changed crane; `progress` is called after each simulation.
+/// the changed crane; `progress` is called after each simulation. A simulation that fails is an outcome without errors
+/// (NaN) that counts as unstable.
 pub fn run(
     model: &Description,
     trials: &[Trial],

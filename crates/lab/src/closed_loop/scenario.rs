@@ -21,7 +21,7 @@ pub trait Course: Trajectory {
     }
 }
 
-/// Name of the out-and-back motion of a crane file at a speed \[mm/s\].
+/// Name of the out-and-back motion of a crane file at a speed \[mm/s\], rounded to whole mm/s, as `25 mm/s`.
 pub fn motion_name(speed_mm_s: f64) -> String {
     format!("{speed_mm_s:.0} mm/s")
 }
@@ -42,7 +42,7 @@ pub struct Load {
 }
 
 /// Payload \[kg\] of the last change in `loads` up to a time \[s\]; none if there is no change by then. The changes up
-/// to that time are removed from `loads`.
+/// to that time are removed from `loads`, which must be in the order of their times.
 pub fn due(loads: &mut &[Load], time: f64) -> Option<f64> {
     let count = loads.iter().take_while(|load| load.time <= time).count();
     let (now, later) = loads.split_at(count);

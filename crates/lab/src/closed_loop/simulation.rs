@@ -135,8 +135,11 @@ fn chosen(
 ///
 /// # Errors
 ///
-/// [`LabError`] if either crane cannot be built or its state leaves the model's range of validity, or an error of
-/// `observe`.
+/// - [`LabError::Plant`] if either crane has no state of rest, or cannot take the payload of a load change;
+/// - [`LabError::Design`], [`LabError::NoBaseline`] or [`LabError::NoOscillation`] if the controller cannot be
+///   designed: a reduced model, a Riccati equation or the shaper's mode has no solution;
+/// - [`LabError::Simulation`] if a state leaves the model's range of validity;
+/// - any error of `observe`.
 pub fn simulate_closed_loop(
     model: &Description,
     crane: &Description,

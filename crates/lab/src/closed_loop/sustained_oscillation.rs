@@ -45,7 +45,8 @@ impl Course for WithRest<'_> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the state leaves the model's range of validity during that rest.
+/// [`LabError::Simulation`] if the state leaves the model's range of validity in that repetition; otherwise see
+/// [`simulate_closed_loop`].
 pub fn sustained_oscillation(
     model: &Description,
     crane: &Description,
@@ -66,7 +67,8 @@ pub fn sustained_oscillation(
     Ok(metrics.sustained_oscillation(&limits))
 }
 
-/// Whether the loop was in sustained oscillation, or the rest after its course could not be simulated.
+/// Whether [`sustained_oscillation`] finds one, or its repetition of the course fails: an unknown end counts as
+/// oscillation.
 pub fn has_sustained_oscillation(
     model: &Description,
     crane: &Description,

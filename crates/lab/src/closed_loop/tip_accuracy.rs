@@ -109,9 +109,9 @@ pub struct TipAccuracy {
     pub methods: Vec<MethodRow>,
     /// Errors that the noise of the survey alone causes.
     pub survey_noise: NoiseFloor,
-    /// Number of the crane drawn in the figure: the one of median RMS error after a survey.
+    /// Number of the crane drawn in the figure: the one of median RMS error after a survey; 0 if none completed.
     pub drawn: u64,
-    /// Instants of the drawn crane's course.
+    /// Instants of the drawn crane's course; empty if no crane completed it.
     #[serde(skip)]
     pub course: Vec<TipInstant>,
 }
@@ -130,11 +130,15 @@ pub struct TipFamily {
 }
 
 /// Surveys each crane of a family and runs the tip estimator beside a controller along a course. `go_on`
-/// receives the share done and returns whether to continue.
+/// receives the share done and returns whether to continue; otherwise the cranes completed so far count.
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built or surveyed, or the estimator cannot be designed for the model.
+/// - [`LabError::Description`] if a crane of the family cannot exist;
+/// - [`LabError::Plant`] if a crane has no state of rest at a surveyed pose;
+/// - [`LabError::Survey`] if the model has no tip estimator, or nothing can be fitted to a survey;
+/// - [`LabError::Design`] if the state estimator cannot be designed for the model;
+/// - [`LabError::Scenario`] if the course has an unknown name.
 pub fn tip_accuracy(
     model: &Description,
     nominal: &Description,

@@ -54,8 +54,8 @@ const IDENTIFICATION: f64 = 0.2;
 ///
 /// # Errors
 ///
-/// [`LabError`] if the log lacks a required signal, the window is outside it, or the model cannot be run;
-/// [`LabError::Stopped`] if `go_on` returned false.
+/// [`LabError::Input`] if the window is outside the log; [`LabError::Identify`] if the log lacks a required signal, or
+/// the model cannot be run with it; [`LabError::Stopped`] if `go_on` returned false.
 pub fn identify_log(
     model: &Description,
     log: (&Measurement, &Signals),
@@ -170,7 +170,8 @@ fn travel(stroke: &Track, window: Window) -> [f64; 2] {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the virtual crane cannot be built.
+/// [`LabError::Description`] if the identified parameters give an impossible machine; [`LabError::Plant`] if the virtual
+/// crane has no state of rest; [`LabError::Scenario`] if a course has an unknown name.
 pub fn learn_for(
     model: &Description,
     machine: &LoggedMachine,

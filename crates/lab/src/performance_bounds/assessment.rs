@@ -71,7 +71,7 @@ pub struct LimitCost {
 pub struct PerformanceBounds {
     /// Name of the course.
     pub course: String,
-    /// Bound without any limit \[mm\].
+    /// Bound without any limit \[mm\]: always zero.
     pub none_mm: f64,
     /// Cost of each limit, in the order of [`Limit::ALL`].
     pub limits: Vec<LimitCost>,
@@ -79,7 +79,7 @@ pub struct PerformanceBounds {
     pub motor_mm: f64,
     /// Bound with delay, sensor noise and unknown payload, and a motor without limits \[mm\].
     pub information_mm: f64,
-    /// Bound with all limits \[mm\].
+    /// Bound with all limits \[mm\]: √(motor² + information²), because the squares add.
     pub all_mm: f64,
     /// Bound with all limits and without preview of reference and load changes \[mm\]. The crane starts on the
     /// reference and learns of each change when it occurs. Commands are delayed by fieldbus and drive. It is no
@@ -115,7 +115,8 @@ pub const LONGEST_COURSE: f64 = 300.0;
 ///
 /// # Errors
 ///
-/// [`LabError`] if the course is longer than 300 s, the crane has no reduced model, or a search does not converge.
+/// [`LabError::NoBound`] if the course is longer than [`LONGEST_COURSE`], or a search does not converge;
+/// [`LabError::Design`] if the crane has no reduced model.
 pub fn performance_bounds(
     crane: &Description,
     course: &dyn Course,

@@ -28,7 +28,8 @@ pub struct StrategyError {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built, or there is no such course.
+/// [`LabError::Scenario`] if there is no such course; [`LabError::Plant`] or [`LabError::Design`] if a crane or a
+/// controller cannot be built. A stopped run is no error: see [`StrategyError::remark`].
 pub fn strategy_errors(
     model: &Description,
     machine: &Description,

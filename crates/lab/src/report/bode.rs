@@ -20,7 +20,7 @@ const POINTS: i32 = 600;
 ///
 /// # Errors
 ///
-/// [`LabError`] if a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn, as without outputs.
 pub fn bode_page(
     title: &str,
     a: &DMatrix<f64>,

@@ -33,7 +33,8 @@ fn load_mode(mode: Option<&Mode>) -> String {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a figure cannot be drawn, or the crane cannot be linearised.
+/// [`LabError::Figure`] if a figure cannot be drawn; [`LabError::Design`] if the crane cannot be linearised, or the
+/// scheduled LQR cannot be designed for it.
 pub fn design_page(
     crane: &Description,
     reports: &[DesignReport],

@@ -13,7 +13,7 @@ const SCALE: f64 = 150.0;
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane has no state of rest there.
+/// [`LabError::Plant`] if the crane has no state of rest there.
 pub fn crane(description: &Description) -> Result<Drawing, LabError> {
     let n = &description.numbers;
     let mut view = View {

@@ -13,7 +13,7 @@ use maud::{Markup, html};
 ///
 /// # Errors
 ///
-/// [`LabError::Figure`] if a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn, as without a finite estimate.
 pub fn estimation_page(
     log: &str,
     crane: &str,

@@ -10,7 +10,8 @@ use plotters::prelude::*;
 pub struct Series<'a> {
     /// Text in the legend.
     pub name: &'a str,
-    /// Points (x, y) in the units of the axes.
+    /// Points (x, y) in the units of the axes. Points that are not finite are not drawn, nor those of zero or below on
+    /// a logarithmic axis.
     pub points: Vec<(f64, f64)>,
     /// Index of its colour in the palette: [`colour_of`](super::colour_of) a strategy, or
     /// [`NEUTRAL`](super::NEUTRAL) for a reference.

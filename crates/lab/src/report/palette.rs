@@ -18,7 +18,7 @@ pub(super) const COLOURS: [RGBColor; 5] = [
 pub const NEUTRAL: usize = usize::MAX;
 const GREY: RGBColor = RGBColor(122, 130, 140);
 
-/// Index of a strategy's colour in the palette.
+/// Index of a strategy's colour in the palette: its place in [`Strategy::ALL`].
 pub fn colour_of(strategy: Strategy) -> usize {
     Strategy::ALL.iter().position(|s| *s == strategy).unwrap_or(NEUTRAL)
 }

@@ -43,7 +43,7 @@ pub fn over_time(run: &Run, value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn.
 pub fn panels<'a>(
     find: impl Fn(Strategy) -> Option<&'a Run>,
     reference: Option<&'a Run>,
@@ -110,7 +110,7 @@ pub struct MotionTests<'a> {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn.
 pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     let mut courses: Vec<&str> = tests.runs.iter().map(|run| run.course.as_str()).collect();
     courses.dedup();

@@ -24,7 +24,7 @@ const SIGNALS: [Signal; 6] = [
 ///
 /// # Errors
 ///
-/// [`LabError`] if a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn.
 pub fn panels(simulated: &Run, crane: &Run, name: &str) -> Result<Markup, LabError> {
     let mut shown = Vec::new();
     for (number, signal, axis, of) in SIGNALS {

@@ -60,7 +60,8 @@ pub struct Member {
     pub crane: Description,
 }
 
-/// Crane of a family with the given number. It depends on seed, number and nominal crane only.
+/// Crane of a family with the given number, with the values of [`VARIATIONS`] drawn for it. It depends on seed, number
+/// and nominal crane only. The pump's leakage and slip share one factor, and so do all terms of the friction.
 ///
 /// # Errors
 ///
