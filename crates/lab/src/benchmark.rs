@@ -50,7 +50,7 @@ fn best_ns(calls: usize, mut trial: impl FnMut(usize)) -> f64 {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the crane has no state of rest.
+/// [`LabError::Build`] if no model can be built from the crane file, or it has no state of rest at mid-stroke.
 pub fn timing(description: &Description) -> Result<Timing, LabError> {
     let three = description.divided(3);
     let (crane, start) = at_rest::<3>(&three)?;

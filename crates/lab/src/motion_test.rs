@@ -95,12 +95,12 @@ impl Run {
         }
     }
 
-    /// RMS measured tracking error over the whole motion, rests included \[m\].
+    /// RMS measured tracking error over the whole motion, rests included \[m\]; up to the stop for a stopped run.
     pub fn rms(&self) -> f64 {
         self.metrics().rms()
     }
 
-    /// Measured error of largest magnitude, with its sign \[m\].
+    /// Measured error of largest magnitude, with its sign \[m\]; up to the stop for a stopped run.
     pub fn peak(&self) -> f64 {
         self.metrics().peak()
     }
@@ -226,8 +226,8 @@ pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
 ///
 /// # Errors
 ///
-/// [`LabError::Plant`] or [`LabError::Design`] if a crane or the controller cannot be built; [`LabError::Simulation`] if
-/// a state leaves the model's range of validity.
+/// [`LabError::Plant`] or [`LabError::Design`] if a crane or the controller cannot be built; [`LabError::Simulation`]
+/// if a state leaves the model's range of validity.
 pub fn run(
     model: &Description,
     plant: &Description,

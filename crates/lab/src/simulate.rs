@@ -36,7 +36,7 @@ pub struct Settings {
     pub scheme: Scheme,
     /// Integration step \[s\].
     pub step: f64,
-    /// Interval between rows of the log \[s\].
+    /// Interval between rows of the log \[s\], rounded to whole integration steps, at least one.
     pub log_interval: f64,
     /// Whether the simulation starts with an open load-holding valve and the pump side pre-loaded as the crane file
     /// states; otherwise the pre-load is zero.

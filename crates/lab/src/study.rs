@@ -137,7 +137,8 @@ impl Study {
         remarks_on_unstable(&self.loops, &self.stable_with_expected_lags)
     }
 
-    /// Run of a strategy at a speed \[mm/s\] on a plant; none if there is no such run.
+    /// Run of a strategy at a speed \[mm/s\] on a plant, by the plant's name: [`NOMINAL`], [`OFF`] or [`VIRTUAL`].
+    /// None if there is no such run.
     pub fn run(&self, plant: &str, strategy: Strategy, speed_mm_s: f64) -> Option<&Run> {
         self.runs
             .iter()

@@ -78,7 +78,7 @@ pub struct LogOrder<'a> {
     pub contents: Contents,
     /// Whether the log includes the state estimator's outputs.
     pub estimates: bool,
-    /// Interval between rows \[s\].
+    /// Interval between rows \[s\], rounded to whole control periods, at least one.
     pub interval: f64,
 }
 
@@ -99,7 +99,7 @@ pub struct Summary {
     pub stroke_mm: f64,
     /// True piston-side pressure at the end \[bar\], gauge.
     pub pressure_a_bar: f64,
-    /// Largest motor torque of the run \[N m\].
+    /// Largest magnitude of the motor torque over the run \[N m\].
     pub torque_nm: f64,
     /// Oil temperature at the end \[°C\].
     pub oil_c: f64,

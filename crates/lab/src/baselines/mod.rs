@@ -86,9 +86,9 @@ impl Baseline {
     ///
     /// # Errors
     ///
-    /// [`LabError::NoBaseline`] if a Riccati equation of the LQG has no solution; [`LabError::Design`] if the model has
-    /// no reduced or linear plant. [`LabError::NoOscillation`] or [`LabError::Plant`] if the shaped benchmark finds no
-    /// oscillatory mode or no state of rest at the middle of the motion.
+    /// [`LabError::NoBaseline`] if a Riccati equation of the LQG has no solution; [`LabError::Design`] if the model
+    /// has no reduced or linear plant. [`LabError::NoOscillation`] or [`LabError::Plant`] if the shaped benchmark
+    /// finds no oscillatory mode or no state of rest at the middle of the motion.
     pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
         Ok(match self {
             Self::RetunedBenchmark(gains) => Box::new(RetunedBenchmark::new(model, &gains)),

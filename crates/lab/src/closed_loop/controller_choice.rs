@@ -37,7 +37,7 @@ impl ControllerChoice {
         Ok(all)
     }
 
-    /// Index among all controllers, from 0, for the order of tables.
+    /// Index among all controllers, from 0, for the order of tables: strategies first, then baselines.
     pub fn place(self) -> usize {
         let names = Strategy::ALL.iter().map(|strategy| strategy.name()).chain(Baseline::NAMES);
         names.take_while(|name| *name != self.name()).count()
@@ -47,7 +47,8 @@ impl ControllerChoice {
     ///
     /// # Errors
     ///
-    /// [`LabError`] if it cannot be designed for the model.
+    /// [`LabError::Design`] if the scheduled LQR cannot be designed for the model; for baselines those of
+    /// [`Baseline::controller`].
     pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
         Ok(match self {
             Self::Strategy(Strategy::ScheduledLqr) => Box::new(scheduled_lqr_controller(model)?),

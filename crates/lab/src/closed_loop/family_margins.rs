@@ -42,6 +42,7 @@ pub struct FamilyMargins {
     /// Number of loops that are unstable.
     pub unstable: usize,
     /// 5th percentile of the modulus margin of the stable loops \[-\]: smallest distance of the Nyquist curve from −1.
+    /// This and the other percentiles are NaN if no loop is stable.
     pub modulus_margin_p5: f64,
     /// Median of the modulus margin of the stable loops \[-\].
     pub modulus_margin_median: f64,
@@ -91,7 +92,7 @@ impl FamilyMargins {
 /// # Errors
 ///
 /// [`LabError::Description`] if a crane of the family cannot exist; [`LabError::Design`] if a controller cannot be
-/// designed or a crane cannot be linearised.
+/// designed or a crane cannot be linearised. [`LabError::NoOscillation`] if `count` is zero.
 pub fn family_margins(
     model: &Description,
     nominal: &Description,

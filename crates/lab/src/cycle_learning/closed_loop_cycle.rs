@@ -31,7 +31,9 @@ impl Cycle {
     ///
     /// # Errors
     ///
-    /// [`LabError`] if model or crane cannot be built, or the run is stopped.
+    /// [`LabError::Plant`] if the crane has no state of rest at the start; [`LabError::Design`] if the scheduled LQR
+    /// cannot be designed for the model. [`LabError::Simulation`] if the state leaves the model's range of validity;
+    /// [`LabError::Stopped`] on request.
     pub(crate) fn run(
         model: &Description,
         crane: &Description,

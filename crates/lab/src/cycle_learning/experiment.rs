@@ -120,7 +120,8 @@ pub struct CycleReport {
 ///
 /// # Errors
 ///
-/// [`LabError`] if a crane cannot be built.
+/// [`LabError::Scenario`] if a course has an unknown name. A cycle that cannot be run is no error: its tracking errors
+/// are none.
 pub fn learning_experiment(
     model: &Description,
     cranes: &[(String, Description)],

@@ -65,7 +65,8 @@ pub(crate) struct Identification {
 ///
 /// # Errors
 ///
-/// [`LabError`] if the model cannot be run with the log's motor speed, or the fit is stopped.
+/// [`LabError::Identify`] if the log lacks a required signal, or the model cannot be run with the log's motor speed;
+/// [`LabError::Stopped`] on request.
 pub(crate) fn identified(
     model: &Description,
     (log, signals): (&Measurement, &Signals),

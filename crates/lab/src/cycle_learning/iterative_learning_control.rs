@@ -79,7 +79,7 @@ impl IterativeLearning {
     ///
     /// # Errors
     ///
-    /// [`LabError`] if there is no reduced model.
+    /// [`LabError::Design`] if there is no reduced model.
     pub(crate) fn new(
         model: &Description,
         course: &dyn Course,

@@ -170,8 +170,8 @@ fn travel(stroke: &Track, window: Window) -> [f64; 2] {
 ///
 /// # Errors
 ///
-/// [`LabError::Description`] if the identified parameters give an impossible machine; [`LabError::Plant`] if the virtual
-/// crane has no state of rest; [`LabError::Scenario`] if a course has an unknown name.
+/// [`LabError::Description`] if the identified parameters give an impossible machine; [`LabError::Plant`] if the
+/// virtual crane has no state of rest; [`LabError::Scenario`] if a course has an unknown name.
 pub fn learn_for(
     model: &Description,
     machine: &LoggedMachine,

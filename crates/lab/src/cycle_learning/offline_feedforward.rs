@@ -25,8 +25,9 @@ const CYCLES: usize = 4;
 ///
 /// # Errors
 ///
-/// [`LabError`] if there is no scheduled LQR or state of rest for the model, its state leaves the range of
-/// validity, or it exceeds its margins.
+/// [`LabError::Design`] if there is no scheduled LQR for the model; [`LabError::Plant`] if it has no state of rest at
+/// the start. [`LabError::Simulation`] if its state leaves the range of validity; [`LabError::Margins`] if it exceeds
+/// its margins; [`LabError::Stopped`] on request.
 pub(crate) fn feedforward(
     model: &Description,
     course: &dyn Course,

@@ -39,7 +39,7 @@ pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<Virtua
 ///
 /// # Errors
 ///
-/// [`LabError`] if the state leaves the model's range of validity, or the run is stopped.
+/// [`LabError::Simulation`] if the state leaves the model's range of validity; [`LabError::Stopped`] on request.
 pub(crate) fn replayed(
     commands: &[AxisCommand<f64>],
     machine: &mut VirtualCrane,

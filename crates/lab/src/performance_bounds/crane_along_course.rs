@@ -45,7 +45,7 @@ impl CraneAlongCourse {
     ///
     /// # Errors
     ///
-    /// [`LabError`] if the description gives no reduced model.
+    /// [`LabError::Design`] if the description gives no reduced model.
     pub fn new(crane: &Description, course: &dyn Course) -> Result<Self, LabError> {
         let period = crane.numbers.control_period;
         let periods = (course.duration() / period).round() as usize;

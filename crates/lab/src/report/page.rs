@@ -30,7 +30,8 @@ use work_precision::precision;
 ///
 /// # Errors
 ///
-/// [`LabError`] if a figure cannot be drawn.
+/// [`LabError::Figure`] if a figure cannot be drawn; [`LabError::Plant`] if the crane has no state of rest at an end
+/// of its motion.
 pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> {
     let body = html! {
                 p.soft {
