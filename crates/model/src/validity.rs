@@ -59,7 +59,7 @@ impl fmt::Display for Invalid {
 impl core::error::Error for Invalid {}
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Checks the conditions for the validity of the model at a state.
+    /// Checks the conditions for the validity of the model at a state. A state with a NaN is not valid.
     #[inline(always)]
     pub fn validity(&self, state: &CraneState<T, N>) -> Validity<T::Mask> {
         let n = self.boom.len();
@@ -125,7 +125,7 @@ impl Validity<bool> {
     ///
     /// # Errors
     ///
-    /// The first violated condition.
+    /// The first violated condition, in the order of [`Invalid`].
     pub fn check(self) -> Result<(), Invalid> {
         match self {
             Self { finite: false, .. } => Err(Invalid::NotFinite),

@@ -203,7 +203,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] if the simulation fails.
+    /// As [`predict`](crate::predict).
     pub fn on_another_log(&self, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
         let [mut delays, mut offsets] = [[0.0; COMPARED.len()]; 2];
         for (nuisance, value) in self.sensors() {
@@ -292,8 +292,8 @@ impl<'a> Task<'a> {
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if the initial model cannot be simulated, `resume` has another length than the parameter vector,
-/// or the fit was stopped.
+/// As [`predict`](crate::predict) if the initial model cannot be simulated. [`IdentifyError::Resume`] if `resume` has
+/// another length than the parameter vector, [`IdentifyError::Stopped`] if the fit was stopped.
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let prior = task.prior();
     let layout = task.layout();
