@@ -17,11 +17,12 @@ const DEEPEST_STOP: f64 = 0.02;
 pub struct Validity<M> {
     /// Every number is finite.
     pub finite: M,
-    /// Every pressure is below 1000 bar.
+    /// Every pressure is below 1000 bar, four times what such cylinders are built for.
     pub pressures: M,
     /// Every cavity is smaller than its node.
     pub filled: M,
-    /// No joint is bent beyond ten degrees, and the first segment has not turned over.
+    /// No joint is bent beyond ten degrees, the end of linear bending, and the first segment has not turned over:
+    /// |φ_1| < π.
     pub bending: M,
     /// The piston is within its stroke, or at most 20 mm into a stop.
     pub stroke: M,

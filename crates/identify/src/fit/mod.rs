@@ -95,7 +95,8 @@ impl Tuned {
         }
     }
 
-    /// Bounds of the 95 % interval in the key's SI unit, for a model without omitted effects.
+    /// Bounds θ e^(∓1.96 s) of the 95 % interval in the key's SI unit, for a model without omitted effects. s² is the
+    /// squared posterior deviation plus (3e-5)², from the interpolation of the motor speed between samples.
     pub fn interval(&self) -> (f64, f64) {
         let factor = (1.96 * self.deviation.hypot(INPUT_INTERPOLATION)).exp();
         (self.value.1 / factor, self.value.1 * factor)
