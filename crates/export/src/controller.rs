@@ -256,7 +256,7 @@ pub(crate) struct RecordedPeriod {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if no limits can be derived for the crane.
+/// [`ExportError::Design`] if no limits can be derived for the crane.
 pub(crate) fn simulating_period(
     description: &Description,
     numbers: &Numbers<E>,
@@ -294,7 +294,7 @@ pub(crate) fn simulating_period(
 ///
 /// # Errors
 ///
-/// [`ExportError`] if no limits can be derived for the crane.
+/// [`ExportError::Design`] if no limits can be derived for the crane.
 pub fn simulation_feedforward_controller(description: &Description) -> Result<Block, ExportError> {
     let (graph, block) = record(|| -> Result<Block, ExportError> {
         let (parameters, numbers) = gains(description);
