@@ -65,8 +65,8 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// [`BuildError`] if the boom has more segments than `N` (for the exact types of up to three: not exactly `N`),
-    /// or if the circuit is not self-contained.
+    /// [`BuildError::Layout`] if the boom has more segments than `N` (for the exact types of up to three: not exactly
+    /// `N`). [`BuildError::Circuit`] if the circuit is not self-contained.
     pub fn crane<const N: usize>(&self) -> Result<Crane<f64, N>, BuildError> {
         self.crane_over(&self.numbers)
     }
@@ -132,7 +132,8 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// As [`crane`](Self::crane), and if the circuit is not valve-controlled.
+    /// [`BuildError::Layout`] as for [`crane`](Self::crane), [`BuildError::Circuit`] if the circuit is not
+    /// valve-controlled.
     pub fn valve_crane_over<T: Real, const N: usize>(
         &self,
         n: &Numbers<T>,
@@ -259,7 +260,8 @@ impl Description {
         })
     }
 
-    /// Description of the crane with `segments` equal segments on a rigid base.
+    /// Description of the crane with `segments` equal segments on a rigid base. The number is not checked here: one
+    /// that no boom has fails when the model is built.
     pub fn divided(&self, segments: usize) -> Self {
         let mut divided = self.clone();
         divided.segment_shares = vec![1.0; segments];
@@ -339,7 +341,7 @@ impl Description {
         oil(&self.numbers)
     }
 
-    /// Largest piston velocity \[m/s\]: at the motor's largest speed, without leakage.
+    /// Largest piston velocity \[m/s\], n_max K_VP/A_p: at the motor's largest speed, without leakage.
     pub fn fastest_piston(&self) -> f64 {
         let n = &self.numbers;
         n.motor_speed * n.displacement / self.cylinder().piston_area

@@ -73,7 +73,7 @@ pub struct Files {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if a block depends on a quantity that it does not contain.
+/// [`ExportError::Foreign`] if a block depends on a quantity that it does not contain.
 pub fn files(blocks: &[Block], name: &str, precision: Precision) -> Result<Files, ExportError> {
     prefixed_files(blocks, name, precision, &Prefix::default())
 }
@@ -82,7 +82,7 @@ pub fn files(blocks: &[Block], name: &str, precision: Precision) -> Result<Files
 ///
 /// # Errors
 ///
-/// [`ExportError`] if a block depends on a quantity that it does not contain.
+/// [`ExportError::Foreign`] if a block depends on a quantity that it does not contain.
 pub fn prefixed_files(
     blocks: &[Block],
     name: &str,

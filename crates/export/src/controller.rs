@@ -100,7 +100,7 @@ fn results(states: &[E], first: usize, outputs: &[E]) -> Vec<(Target, Node)> {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if no limits can be derived for the crane.
+/// [`ExportError::Design`] if no limits can be derived for the crane.
 pub fn controller(description: &Description) -> Result<Block, ExportError> {
     let framed = framed_benchmark(description)?;
     let (graph, mut block) = record(|| {
@@ -160,7 +160,7 @@ fn placed(names: &[&str], before: &str, unit: &str, meaning: &str) -> Vec<(Varia
 ///
 /// # Errors
 ///
-/// [`ExportError`] if no limits or no reduced model can be derived for the crane.
+/// [`ExportError::Design`] if no limits or no reduced model can be derived for the crane.
 pub fn scheduled_lqr_controller(description: &Description) -> Result<Block, ExportError> {
     let framed = framed_scheduled_lqr(description)?;
     let (graph, mut block) = record(|| {
@@ -256,7 +256,7 @@ pub(crate) struct RecordedPeriod {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if no limits can be derived for the crane.
+/// [`ExportError::Design`] if no limits can be derived for the crane.
 pub(crate) fn simulating_period(
     description: &Description,
     numbers: &Numbers<E>,
@@ -294,7 +294,7 @@ pub(crate) fn simulating_period(
 ///
 /// # Errors
 ///
-/// [`ExportError`] if no limits can be derived for the crane.
+/// [`ExportError::Design`] if no limits can be derived for the crane.
 pub fn simulation_feedforward_controller(description: &Description) -> Result<Block, ExportError> {
     let (graph, block) = record(|| -> Result<Block, ExportError> {
         let (parameters, numbers) = gains(description);

@@ -240,7 +240,8 @@ fn shown() -> Vec<Variable> {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if the crane cannot be exported.
+/// [`ExportError::Segments`] if the boom does not have three coordinates, [`ExportError::Step`] if the crane file's
+/// step is not stable, [`ExportError::Build`] if there is no such crane or no equilibrium.
 pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     let r = recorded(description)?;
     let states = |nodes: &[Node]| -> Vec<(Target, Node)> {
@@ -283,7 +284,8 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if the crane cannot be exported.
+/// [`ExportError::Segments`] if the boom does not have three coordinates, [`ExportError::Step`] if the crane file's
+/// step is not stable, [`ExportError::Build`] if there is no such crane or no equilibrium.
 pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
     let r = recorded(description)?;
     let boom_states = 2 * SEGMENTS;

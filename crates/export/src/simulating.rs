@@ -25,7 +25,8 @@ type E = Expression;
 ///
 /// # Errors
 ///
-/// [`ExportError`] if the crane cannot be exported or no limits can be derived.
+/// [`ExportError::Segments`], [`ExportError::Step`] or [`ExportError::Build`] if the crane cannot be exported, as for
+/// [`crane_model`](crate::crane_model). [`ExportError::Design`] if no limits can be derived.
 pub fn simulation_feedforward(description: &Description) -> Result<Block, ExportError> {
     let rest = resting(description)?;
     let (graph, block) = record(|| framed(description, &rest));

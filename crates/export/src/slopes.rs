@@ -28,7 +28,7 @@ type D = Dual<E, 1>;
 ///
 /// # Errors
 ///
-/// [`ExportError`] if the crane cannot be exported.
+/// [`ExportError::Build`] if no crane of three segments can be built from the description.
 pub fn slopes(description: &Description, of: &Block) -> Result<Block, ExportError> {
     let used = Plan::of(of)?.parameters;
     let (graph, block) = record(|| recording(description, of, &used));

@@ -100,8 +100,8 @@ const LONGEST_DELAY: f64 = 0.1;
 /// Samples per period that an oscillation needs.
 const PER_PERIOD: f64 = 4.0;
 
-/// Statistics of the differences log − model, one entry for each signal of the crane that the log measures. The motor
-/// speed is excluded. `prediction` must have one row for each sample of the experiment, as from
+/// Statistics of the differences log − model, one entry for each signal of the crane with more than 20 measured
+/// samples. The motor speed is excluded. `prediction` must have one row for each sample of the experiment, as from
 /// [`predict`](crate::predict).
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
     let interval = experiment.interval();

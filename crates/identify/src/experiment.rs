@@ -146,8 +146,8 @@ impl Experiment {
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] if the position or the driving signal is missing, or less than 100 control periods of both
-    /// are within the window.
+    /// [`IdentifyError::Measurement`] if the position or the driving signal is missing. [`IdentifyError::Log`] if less
+    /// than 100 control periods of both are within the window.
     pub fn new(
         model: &Description,
         log: &Measurement,
@@ -246,7 +246,8 @@ impl Experiment {
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] if the position or the driving signal is missing, or no segment is long enough.
+    /// [`IdentifyError::Measurement`] if the position or the driving signal is missing, [`IdentifyError::Log`] if no
+    /// segment is long enough.
     pub fn each(
         model: &Description,
         log: &Measurement,

@@ -25,7 +25,8 @@ pub struct Part {
 }
 
 /// Decomposition of log − model into offset, drift, scale and delay. Both are sampled at the same times with the
-/// `interval` \[s\], with none for missing samples, in the SI unit of the signal. None if there are too few samples.
+/// `interval` \[s\], with none for missing samples, in the SI unit of the signal. None if fewer than 20 times have
+/// both, if log and model are equal, or if the regression fails.
 pub fn explained(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<Explained> {
     let at = |k: usize| model.get(k).copied().flatten();
     // central difference, or one-sided beside a gap

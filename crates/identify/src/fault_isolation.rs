@@ -87,7 +87,7 @@ const LONGEST_DELAY: f64 = 0.2;
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if the model cannot be run.
+/// As [`predict`](crate::predict), if the model cannot be run.
 pub fn isolate(model: &Description, experiment: &Experiment) -> Result<Isolated, IdentifyError> {
     let read = Compared::new(model, experiment.clone())?;
     let (prediction, found) = (read.prediction.clone(), read.found.clone());

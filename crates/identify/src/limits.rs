@@ -1,6 +1,7 @@
 //! Thresholds for judging a model by a log.
 
-/// Limits for the validation of a model by a log. Each states its unit, and its source or reason.
+/// Limits for the validation of a model by a log. Each states its unit, and its source or reason; a number without a
+/// source is an estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// RMS difference of the position over the piston's travel in the log \[-\]. Half of the difference of

@@ -131,8 +131,9 @@ impl<T: Number, const N: usize, C: Circuit<T>> Stepper<T, N, C> {
         Self { scheme: T::scheme(crane) }
     }
 
-    /// State after a time \[s\] under a constant input. The number of equal steps begins with `steps` and is doubled
-    /// until every step converges; none if [`MOST_PARTS`] steps are not enough.
+    /// State after a time \[s\] under a constant input. The number of equal steps begins with `steps`, at least 1, and
+    /// is doubled until every step converges; none if [`MOST_PARTS`] steps are not enough. With 0 steps the state does
+    /// not move.
     pub fn moved(
         &self,
         crane: &Crane<T, N, C>,

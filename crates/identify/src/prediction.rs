@@ -233,7 +233,9 @@ fn filtered<T: Number>(response: &mut Response<T>, signal: usize, ratio: f64) {
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if there is no such model, or the simulation fails.
+/// [`IdentifyError::Segments`] if the type of model is not supported, [`IdentifyError::Build`] if there is no such
+/// model or no state of rest. [`IdentifyError::Broken`] if the simulation fails, [`IdentifyError::Stopped`] if it was
+/// stopped.
 pub fn predict(model: &Description, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
     predict_from(model, experiment, &[0.0; INITIAL_VALUES])
 }
@@ -251,6 +253,10 @@ pub(crate) fn predict_from(
 /// Response of the model as [`predict`], and its derivatives with respect to ln θ of each free key, exact by dual
 /// numbers. The derivatives are in the signals' SI units: one array per key, in the order of `free`, of the response's
 /// shape.
+///
+/// # Errors
+///
+/// As [`predict`].
 pub fn sensitivities(
     model: &Description,
     experiment: &Experiment,

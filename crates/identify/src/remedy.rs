@@ -67,7 +67,7 @@ const DIFFERENCE_STEP: f64 = 0.003;
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if the model cannot be run.
+/// As [`predict`](crate::predict), if the model cannot be run.
 pub fn remedies(
     model: &Description,
     experiment: &Experiment,

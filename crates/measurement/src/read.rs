@@ -27,7 +27,10 @@ const OTHERS: [(&[u8], &str); 4] = [
 ///
 /// # Errors
 ///
-/// [`MeasurementError`] with the place of the unusable part.
+/// - [`MeasurementError::File`] if the file cannot be read, [`MeasurementError::NoFile`] if it is a folder or a pipe.
+/// - [`MeasurementError::Format`] if its format is unknown or it is damaged.
+/// - [`MeasurementError::Empty`] if it has too few rows, [`MeasurementError::Cell`] if a cell is not a number.
+/// - [`MeasurementError::Mapping`] if `time` names no usable column, or does not apply to the format.
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
     // the format is detected first, and a pipe cannot be rewound

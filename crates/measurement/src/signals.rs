@@ -43,7 +43,8 @@ pub struct Signals {
 
 impl Track {
     /// Signal from its times \[s\] and values in SI units. Samples that are not finite, and those whose time is not
-    /// later than the one before, are left out. Intervals longer than five median intervals are gaps.
+    /// later than the one before, are left out. So is the surplus if one of both is longer. Intervals longer than five
+    /// median intervals are gaps.
     pub fn new(time: &[f64], values: &[f64]) -> Self {
         let mut kept: (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for (t, v) in time.iter().zip(values).filter(|(t, v)| t.is_finite() && v.is_finite()) {
@@ -134,7 +135,7 @@ impl Track {
     }
 
     /// Value in SI units at a time \[s\], interpolated linearly; none in a gap, before the first and after the last
-    /// sample.
+    /// sample, and at a time that is NaN.
     pub fn at(&self, time: f64) -> Option<f64> {
         let next = self.time.partition_point(|t| *t <= time);
         let before = next.checked_sub(1)?;
@@ -149,8 +150,8 @@ impl Track {
         Some(self.values[before] + share * (self.values[next] - self.values[before]))
     }
 
-    /// Value in SI units of the last sample at or before a time \[s\] (zero-order hold); before all samples the first
-    /// one. None without samples.
+    /// Value in SI units of the last sample at or before a time \[s\] (zero-order hold); before all samples, and at a
+    /// time that is NaN, the first one. None without samples.
     pub fn held(&self, time: f64) -> Option<f64> {
         let next = self.time.partition_point(|t| *t <= time);
         self.values.get(next.saturating_sub(1)).copied()
@@ -247,7 +248,8 @@ impl Signals {
     }
 
     /// Interval \[s\] in which all measured ones among `signals` have samples: from the latest of their first samples
-    /// to the earliest of their last samples. None if it is empty. A signal that was not measured does not count.
+    /// to the earliest of their last samples. None if it is empty or none of them was measured. A signal that was not
+    /// measured does not count.
     pub fn overlap(&self, signals: &[Signal]) -> Option<(f64, f64)> {
         let (mut begin, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
         for track in signals.iter().filter_map(|s| self.get(*s)) {

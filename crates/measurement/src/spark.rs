@@ -3,7 +3,8 @@
 const STEPS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 /// Line of `width` block characters, or of one a value if there are fewer values. Each shows the mean of its part of
-/// the values, in eight steps from the smallest to the largest value; blank where values are missing (NaN).
+/// the values, in eight steps from the smallest to the largest value. Equal values show as the fifth step; where all
+/// are missing (NaN or infinite) the place is blank.
 pub fn sparkline(values: &[f64], width: usize) -> String {
     let there = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) =

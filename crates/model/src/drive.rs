@@ -50,8 +50,8 @@ impl<T: Real> DriveState<T> {
 
 /// Number of substeps, 1 to [`MOST_PARTS`], of a step \[s\] of a lag with an angular frequency \[rad/s\].
 ///
-/// A substep is 0.01 rad of the lag at most, unless that needs more of them; its first-order error is then
-/// negligible.
+/// A substep is 0.01 rad of the lag at most, unless that needs more of them; its first-order error is then negligible.
+/// A frequency or step that is NaN gives 0, which [`Drive::advance`] does not accept.
 pub fn parts(frequency: f64, step: f64) -> u32 {
     Real::clamp(libm::ceil(frequency * step / FINEST), 1.0, f64::from(MOST_PARTS)) as u32
 }
@@ -61,7 +61,8 @@ impl<T: Real> Drive<T> {
     ///
     /// `wanted` is the commanded speed \[rev/s\]. `load` is the load torque \[N·m\], positive where it brakes
     /// positive speed. `after` is called after each substep with the state and the substep's length \[s\]. A load
-    /// torque beyond the largest motor torque accelerates the motor against its command.
+    /// torque beyond the largest motor torque accelerates the motor against its command. `parts` must be at least 1:
+    /// with 0 the mean speed is NaN.
     #[inline(always)]
     pub fn advance(
         &self,
@@ -133,7 +134,8 @@ impl<T: Real> DeadTime<T> {
 }
 
 impl DeadTime<f64> {
-    /// Dead time `time` \[s\] at a control period of `period` \[s\]; a negative time counts as zero.
+    /// Dead time `time` \[s\] at a control period of `period` \[s\], which must be positive. A time that is negative
+    /// or NaN counts as zero.
     pub fn of(time: f64, period: f64) -> Self {
         let time = time.max(0.0);
         Self::over(time, period, (time / period) as usize)

@@ -100,7 +100,7 @@ impl<T: Real> Power<T> {
 }
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Stored energy at a state.
+    /// Stored energy \[J\] at a state, by form.
     pub fn energy(&self, state: &CraneState<T, N>) -> Energy<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let stroke = self.boom.cylinder_pose(&pose).stroke;
@@ -128,7 +128,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         }
     }
 
-    /// Power balance at a state and an input.
+    /// Power balance \[W\] at a state and an input.
     pub fn power(&self, state: &CraneState<T, N>, input: &Input<T>) -> Power<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);

@@ -90,7 +90,9 @@ impl<const N: usize> Crane<f64, N> {
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] if geometry or load permit no such state.
+    /// [`EquilibriumError::OutOfReach`] if the cylinder cannot have this length, or the piston position is NaN.
+    /// [`EquilibriumError::NoBalance`] if no angles balance the weight. [`EquilibriumError::LoadPulls`] if the piston
+    /// side would be below vapour pressure.
     pub fn at_rest(&self, start: &Start) -> Result<CraneState<f64, N>, EquilibriumError> {
         let (angle, force) = self.static_balance(start.stroke)?;
         let state = self.resting(start, angle, force);
@@ -107,7 +109,7 @@ impl<const N: usize, C: Circuit<f64>> Crane<f64, N, C> {
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError::OutOfReach`] if the cylinder cannot have this length.
+    /// [`EquilibriumError::OutOfReach`] if the cylinder cannot have this length, or the piston position is NaN.
     pub fn rigid_angle(&self, stroke: f64) -> Result<f64, EquilibriumError> {
         let mount = &self.boom.mount;
         let inner: f64 =
@@ -366,7 +368,7 @@ impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N> {
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] if geometry or load permit no such state.
+    /// As [`at_rest`](Crane::at_rest).
     pub fn at_rest_along(
         &self,
         start: &Start<Dual<f64, P>>,
@@ -419,7 +421,9 @@ impl<const N: usize> Crane<f64, N, ValveControlled<f64>> {
     ///
     /// # Errors
     ///
-    /// [`EquilibriumError`] if geometry or load permit no such state.
+    /// [`EquilibriumError::OutOfReach`] if the cylinder cannot have this length, or the piston position is NaN.
+    /// [`EquilibriumError::NoBalance`] if no angles balance the weight. [`EquilibriumError::LoadPulls`] if the piston
+    /// side would be below vapour pressure.
     pub fn at_rest(&self, start: &ValveStart) -> Result<ValveCraneState<f64, N>, EquilibriumError> {
         let (angle, force) = self.static_balance(start.stroke)?;
         let state = self.resting_at_valve(start, angle, force);

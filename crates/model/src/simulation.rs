@@ -110,7 +110,8 @@ impl<const N: usize> Simulation<N> {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the step does not suit the scheme or the state is not valid.
+    /// [`SimulationError::Invalid`] if the state is outside the model's range of validity. [`SimulationError::Step`]
+    /// if the step is not positive and finite, or more than 1000 times the limit of an explicit scheme at this state.
     pub fn new(
         crane: Crane<f64, N>,
         state: CraneState<f64, N>,
@@ -146,8 +147,13 @@ impl<const N: usize> Simulation<N> {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the input is not finite or the new state is not valid; the state is then the last valid
-    /// one.
+    /// In every case the state and the time stay those before the call.
+    ///
+    /// - [`SimulationError::Input`] if the input is NaN or infinite.
+    /// - [`SimulationError::Unsettled`] if an implicit step does not converge.
+    /// - [`SimulationError::Step`] if bristles slide so fast that a step of an explicit scheme needs over 1000
+    ///   substeps.
+    /// - [`SimulationError::Invalid`] if the state after the last step is outside the model's range of validity.
     pub fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError> {
         if !(input.pump_speed.is_finite() && input.holding_valve.is_finite()) {
             return Err(SimulationError::Input { time: self.time() });
@@ -247,7 +253,8 @@ impl<const N: usize> Simulation<N> {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the state is not valid; the simulation then stays as it was.
+    /// [`SimulationError::Invalid`] if the state is outside the model's range of validity; the simulation then stays
+    /// as it was.
     pub fn set_state(&mut self, state: CraneState<f64, N>) -> Result<(), SimulationError> {
         self.crane
             .validity(&state)
@@ -257,7 +264,8 @@ impl<const N: usize> Simulation<N> {
         Ok(())
     }
 
-    /// Replaces the parameters during the run, for example those of warmer oil. Step size and substeps stay.
+    /// Replaces the parameters during the run, for example those of warmer oil. Step size and substeps stay: the limit
+    /// of an explicit scheme is not derived anew.
     pub fn set_crane(&mut self, crane: Crane<f64, N>) {
         self.crane = crane;
         if let Stepper::Implicit(scheme) = &mut self.stepper {

@@ -17,11 +17,12 @@ const DEEPEST_STOP: f64 = 0.02;
 pub struct Validity<M> {
     /// Every number is finite.
     pub finite: M,
-    /// Every pressure is below 1000 bar.
+    /// Every pressure is below 1000 bar, four times what such cylinders are built for.
     pub pressures: M,
     /// Every cavity is smaller than its node.
     pub filled: M,
-    /// No joint is bent beyond ten degrees, and the first segment has not turned over.
+    /// No joint is bent beyond ten degrees, the end of linear bending, and the first segment has not turned over:
+    /// |φ_1| < π.
     pub bending: M,
     /// The piston is within its stroke, or at most 20 mm into a stop.
     pub stroke: M,
@@ -59,7 +60,7 @@ impl fmt::Display for Invalid {
 impl core::error::Error for Invalid {}
 
 impl<T: Real, const N: usize> Crane<T, N> {
-    /// Checks the conditions for the validity of the model at a state.
+    /// Checks the conditions for the validity of the model at a state. A state with a NaN is not valid.
     #[inline(always)]
     pub fn validity(&self, state: &CraneState<T, N>) -> Validity<T::Mask> {
         let n = self.boom.len();
@@ -125,7 +126,7 @@ impl Validity<bool> {
     ///
     /// # Errors
     ///
-    /// The first violated condition.
+    /// The first violated condition, in the order of [`Invalid`].
     pub fn check(self) -> Result<(), Invalid> {
         match self {
             Self { finite: false, .. } => Err(Invalid::NotFinite),

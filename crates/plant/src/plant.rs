@@ -53,7 +53,9 @@ pub trait Plant: Send + Sync {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the state leaves the model's range of validity.
+    /// [`SimulationError::Input`] if the input is not finite. [`SimulationError::Unsettled`] or
+    /// [`SimulationError::Step`] if the scheme cannot take a step. [`SimulationError::Invalid`] if the state leaves
+    /// the model's range of validity. The state then stays that before the call.
     fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError>;
     /// Time since the start \[s\].
     fn time(&self) -> f64;
@@ -67,11 +69,11 @@ pub trait Plant: Send + Sync {
     fn load_pressure(&self) -> f64;
     /// Area ratio A_r/A_p \[1\]: weight of the rod side's pressure in the load pressure.
     fn rod_side_ratio(&self) -> f64;
-    /// Volume flows of the circuit under an input.
+    /// Volume flows of the circuit under an input \[m³/s\].
     fn flows(&self, input: &Input<f64>) -> Flows<f64>;
-    /// Stored energy, by form.
+    /// Stored energy, by form \[J\].
     fn energy(&self) -> Energy<f64>;
-    /// Power balance under an input.
+    /// Power balance under an input \[W\].
     fn power(&self, input: &Input<f64>) -> Power<f64>;
     /// Step limit of the published scheme at the present state.
     fn step_limit(&self) -> StepLimit;
@@ -83,24 +85,26 @@ pub trait Plant: Send + Sync {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if the description gives no model of this size.
+    /// [`PlantError::Build`] if the description gives no model of this size; the parameters then stay as they were.
     fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError>;
     /// Sets the reduction of the oil's transition pressure by dissolved air, for each node \[Pa\].
     fn set_dissolved_air(&mut self, shift: Nodes<f64>);
-    /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in. It then drops onto the
-    /// cylinder.
+    /// Lifts the whole boom by an angle \[rad\], counter-clockwise, with the oil in both chambers locked in. It then
+    /// drops onto the cylinder.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the lifted state is not valid.
+    /// [`SimulationError::Invalid`] if the lifted state is outside the model's range of validity; the state then
+    /// stays.
     fn lift(&mut self, angle: f64) -> Result<(), SimulationError>;
-    /// Names of the state vector's entries, with units.
+    /// Names of the state vector's entries, each ending with its SI unit, as `angle_1_rad`.
     fn state_names(&self) -> Vec<String>;
-    /// Jacobians of the state derivatives: by the state, and by the pump speed \[rev/s\].
+    /// Jacobians of the state derivatives, in SI units per second: by the state (square, a row per derivative), and by
+    /// the pump speed \[rev/s\] (one column). Both have the order of [`state_names`](Plant::state_names).
     fn jacobian(&self, input: &Input<f64>) -> (DMatrix<f64>, DMatrix<f64>);
-    /// Jacobian of the outputs by the state: a row per output, a column per state.
+    /// Jacobian of the outputs by the state in SI units: a row per output, a column per state.
     fn output_jacobian(&self) -> DMatrix<f64>;
-    /// State vector, in the order of [`state_names`](Plant::state_names).
+    /// State vector in SI units, in the order of [`state_names`](Plant::state_names).
     fn state_vector(&self) -> Vec<f64>;
 }
 
@@ -108,8 +112,9 @@ pub trait Plant: Send + Sync {
 ///
 /// # Errors
 ///
-/// [`PlantError`] if the description gives no model, the piston position is outside the stroke, or the step does not
-/// suit the scheme.
+/// [`PlantError::Stroke`] if the piston position is NaN or outside the stroke. [`PlantError::Build`] if the
+/// description gives no model or no equilibrium. [`PlantError::Simulation`] if the step does not suit the scheme, or
+/// the state of rest is not valid.
 pub fn plant(
     description: &Description,
     start: &Start,
@@ -141,8 +146,8 @@ fn sized<const N: usize>(
     Ok(Box::new(simulation))
 }
 
-/// State vector of a boom with `n` coordinates: angles, angular velocities, bristle deflection, node pressures, gas
-/// volume.
+/// State vector of a boom with `n` coordinates, 2 n + 7 entries: angles \[rad\], angular velocities \[rad/s\], bristle
+/// deflection \[m\], node pressures \[Pa\], gas volume \[m³\]. An `n` above `N` panics.
 pub fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
     let mut flat = state.boom.angle[..n].to_vec();
     flat.extend_from_slice(&state.boom.angular_velocity[..n]);
@@ -152,7 +157,8 @@ pub fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> V
     flat
 }
 
-/// State from a state vector as of [`flatten`]; entries beyond `n` coordinates are those of `like`.
+/// State from a state vector as of [`flatten`]; entries beyond `n` coordinates are those of `like`. A vector of fewer
+/// than 2 n + 7 entries panics.
 pub fn unflatten<T: Copy, const N: usize>(
     like: &CraneState<T, N>,
     flat: &[T],

@@ -13,7 +13,8 @@ const ROOM: usize = 11;
 
 /// `W` cranes of the same structure and different parameters, simulated in SIMD lanes with the implicit scheme.
 ///
-/// Each has the results of its own simulation, to the last bit.
+/// Each has the results of its own simulation, to the last bit. A `lane` is the index of a crane, 0 to `W` − 1; a
+/// larger one panics.
 pub struct SideBySide<const W: usize> {
     cranes: [Crane<f64, ROOM>; W],
     wide: Crane<Lanes<W>, ROOM>,
@@ -32,7 +33,7 @@ impl<const W: usize> SideBySide<W> {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if a description gives no model, or no equilibrium at its start.
+    /// [`PlantError::Build`] if a description gives no model, or no equilibrium at its start.
     pub fn new(
         descriptions: &[Description; W],
         starts: &[Start; W],
@@ -72,7 +73,8 @@ impl<const W: usize> SideBySide<W> {
         })
     }
 
-    /// Advances every crane by one step, each under its own input.
+    /// Advances every crane by one step, each under its own input. A crane whose step has no solution or leaves the
+    /// model's range of validity stops: see [`stopped`](Self::stopped).
     pub fn advance(&mut self, inputs: &[Input<f64>; W]) {
         let before = self.state;
         let input = Input {
@@ -137,8 +139,8 @@ impl<const W: usize> SideBySide<W> {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if the description gives no model, or one of another structure; all cranes then stay as they
-    /// were.
+    /// [`PlantError::Build`] if the description gives no model, [`PlantError::Make`] if it gives one of another
+    /// structure; all cranes then stay as they were.
     pub fn set_parameters(
         &mut self,
         lane: usize,

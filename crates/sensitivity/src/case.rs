@@ -33,7 +33,8 @@ impl Case {
     ///
     /// # Errors
     ///
-    /// [`SensitivityError`] if the model does not have three segments, cannot be built, or its simulation fails.
+    /// [`SensitivityError::Segments`] if the model does not have three coordinates. [`SensitivityError::Build`] if it
+    /// cannot be built, [`SensitivityError::Broken`] if its simulation fails.
     pub fn new(
         description: &Description,
         speed: f64,
@@ -56,7 +57,8 @@ impl Case {
     ///
     /// # Errors
     ///
-    /// [`SensitivityError`] if the model cannot be built or the simulation fails.
+    /// [`SensitivityError::Build`] if the model cannot be built, [`SensitivityError::Broken`] if a simulation fails,
+    /// and [`SensitivityError::Silent`] if the locked crane shows no oscillation.
     pub fn evaluate<T: Number>(&self, numbers: &Numbers<T>) -> Result<Vec<T>, SensitivityError> {
         let mut runs: Vec<(Strategy, [T; 2])> = Vec::new();
         let mut values = Vec::with_capacity(self.outputs.len());

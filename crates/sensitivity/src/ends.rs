@@ -17,7 +17,8 @@ pub fn end_values(description: &Description, key: Free, deviation: f64) -> [f64;
         .map(|by| (value * by.exp()).clamp(limits.to_si(limits.low), limits.to_si(limits.high)))
 }
 
-/// Parameters of the crane, in SI units, with one key set to another value in its SI unit.
+/// Parameters of the crane, in SI units, with one key set to another value in its SI unit, which is not checked
+/// against the key's range.
 pub fn with_value(description: &Description, key: Free, value: f64) -> Numbers<f64> {
     let mut numbers = description.numbers.to_array();
     numbers[key.place] = value;

@@ -24,7 +24,7 @@ pub struct Study {
 }
 
 /// Sobol index \[-\] with its 95 % bootstrap interval. The exact index is between 0 and 1; its estimate may lie
-/// outside.
+/// outside. It is zero for an output that does not vary.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Index {
     /// Estimate \[-\].
@@ -54,10 +54,12 @@ type Row = Vec<Vec<f64>>;
 
 /// Sobol indices for each output of a case, and the number of rows in which all simulations succeeded. Each key θ is
 /// uniformly distributed in ln θ, with the standard deviation of its provenance ([`prior()`]). `go_on` is called before
-/// each row; if it returns false, the row is skipped and the result comes from the rows done.
+/// each row; if it returns false, the row is skipped and the result comes from the rows done. Values beyond a key's
+/// bounds are clipped to them.
 ///
-/// Estimators: Saltelli et al. 2010 (doi:10.1016/j.cpc.2009.09.018) for the first order, Jansen 1999
-/// (doi:10.1016/S0010-4655(98)00154-4) for the total; bounds by bootstrap over rows.
+/// Estimators: Saltelli et al. 2010 (doi:10.1016/j.cpc.2009.09.018) for the first order, E\[f(B) (f(A_B) − f(A))\]/V.
+/// Jansen 1999 (doi:10.1016/S0010-4655(98)00154-4) for the total, E\[(f(A) − f(A_B))²\]/(2 V). A_B is A with the key's
+/// values from B, V the variance; bounds are by bootstrap over rows.
 ///
 /// # Errors
 ///

@@ -27,7 +27,7 @@ pub struct Local {
 ///
 /// # Errors
 ///
-/// [`SensitivityError`] if an output cannot be computed.
+/// As [`Case::evaluate`], for the first output that cannot be computed.
 pub fn local(
     case: &Case,
     free: &[Free],

@@ -52,7 +52,8 @@ impl VirtualCrane {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if the description gives no model or its step sizes are not compatible.
+    /// [`PlantError::Build`] if the description gives no model or no equilibrium. [`PlantError::Stroke`] if the piston
+    /// position is outside the stroke. [`PlantError::Simulation`] if the step does not suit the scheme.
     pub fn new(description: &Description, start: &Start) -> Result<Self, PlantError> {
         let Stepping { scheme, step, count } = Stepping::of(description);
         let mut plant = plant(&Equipment::warmed(description), start, scheme, step)?;
@@ -111,7 +112,7 @@ impl VirtualCrane {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the lifted state is not valid.
+    /// [`SimulationError::Invalid`] if the lifted state is outside the model's range of validity.
     pub fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {
         self.plant.lift(angle)?;
         self.outputs = self.plant.outputs();
@@ -122,7 +123,7 @@ impl VirtualCrane {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if no crane can be built with this payload.
+    /// [`PlantError::Build`] if no crane can be built with this payload.
     pub fn set_payload(&mut self, mass: f64) -> Result<(), PlantError> {
         let heavier = self.equipment.with_payload(mass);
         self.plant.set_parameters(&heavier)?;
@@ -137,7 +138,7 @@ impl VirtualCrane {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if no crane can be built from it.
+    /// [`PlantError::Build`] if no crane can be built from it.
     pub fn set_description(&mut self, description: &Description) -> Result<(), PlantError> {
         let changed = self.equipment.with_description(description);
         self.plant.set_parameters(&changed)?;
@@ -151,7 +152,9 @@ impl VirtualCrane {
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] if the state leaves the model's range of validity.
+    /// [`SimulationError::Input`] if the command that arrives at the crane is not finite.
+    /// [`SimulationError::Unsettled`] or [`SimulationError::Step`] if the scheme cannot take a step.
+    /// [`SimulationError::Invalid`] if the state leaves the model's range of validity.
     pub fn advance(&mut self, command: &AxisCommand<f64>) -> Result<(), SimulationError> {
         let Some(command) = self.equipment.begin(command) else {
             return Err(SimulationError::Input { time: self.time() });

@@ -107,7 +107,7 @@ impl Effect {
     ///
     /// # Errors
     ///
-    /// [`DescriptionError`] if the crane is not valid without it.
+    /// [`DescriptionError`] if the crane is not valid without it. Keys that were set before the failure stay changed.
     pub fn remove_from(self, description: &mut Description) -> Result<(), DescriptionError> {
         for key in KEYS {
             let path = key.path();

@@ -9,7 +9,8 @@ use hydroboom_model::{Outputs, Scheme, SimulationError, Start};
 use hydroboom_plant::{PlantError, SideBySide};
 
 /// A batch of `W` virtual cranes with the same structure. Each gives the results of a single
-/// [`VirtualCrane`](crate::VirtualCrane), to the last bit.
+/// [`VirtualCrane`](crate::VirtualCrane), to the last bit. A `lane` is the index of a crane, 0 to `W` − 1; a larger
+/// one panics.
 pub struct Fleet<const W: usize> {
     plants: SideBySide<W>,
     outputs: [Outputs<f64>; W],
@@ -25,7 +26,7 @@ impl<const W: usize> Fleet<W> {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if a description gives no model.
+    /// [`PlantError::Build`] if a description gives no model, or no equilibrium at its start.
     pub fn new(
         descriptions: &[Description; W],
         starts: &[Start; W],
@@ -79,7 +80,7 @@ impl<const W: usize> Fleet<W> {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] if no crane can be built with this payload.
+    /// [`PlantError::Build`] if no crane can be built with this payload.
     pub fn set_payload(&mut self, lane: usize, mass: f64) -> Result<(), PlantError> {
         let heavier = self.equipment[lane].with_payload(mass);
         self.plants.set_parameters(lane, &heavier, self.equipment[lane].dissolved())

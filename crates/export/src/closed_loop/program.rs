@@ -50,7 +50,7 @@ impl Compiled {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if the block cannot be exported or compiled.
+    /// [`TargetError::Export`] if the block cannot be exported, [`TargetError::Program`] if it cannot be compiled.
     pub fn in_c(
         name: &'static str,
         block: &Block,
@@ -67,7 +67,7 @@ impl Compiled {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if the block cannot be exported or compiled.
+    /// [`TargetError::Export`] if the block cannot be exported, [`TargetError::Program`] if it cannot be compiled.
     pub fn in_c_with_preview(
         name: &'static str,
         block: &Block,
@@ -113,7 +113,7 @@ impl Compiled {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if the block cannot be exported or compiled.
+    /// [`TargetError::Export`] if the block cannot be exported, [`TargetError::Program`] if it cannot be compiled.
     pub fn in_fmu(
         name: &'static str,
         block: &Block,
@@ -168,7 +168,7 @@ impl Compiled {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if it cannot be started.
+    /// [`TargetError::Program`] if it cannot be started.
     pub fn start(&self) -> Result<Program, TargetError> {
         let failed = |reason: String| TargetError::Program { target: self.name.into(), reason };
         let mut child = Command::new(&self.program)

@@ -23,7 +23,8 @@ pub struct Row {
     pub beyond: Vec<&'static str>,
 }
 
-/// Number and name of a controller's status, as `1 holding`; for a fault its cause. Unknown numbers are named `idle`.
+/// Number and name of a controller's status, as `1 holding`; for a fault its cause. Unknown numbers and NaN are named
+/// `idle`.
 pub fn status_name(code: f64) -> String {
     let name = match code {
         c if c >= STATUS_FAULT => Cause::from_number(c - STATUS_FAULT).map_or("fault", Cause::code),

@@ -106,7 +106,7 @@ impl RustBenchmark {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if no limits can be derived.
+    /// [`TargetError::Design`] if no limits can be derived for the crane.
     pub fn new(model: &Description) -> Result<Self, TargetError> {
         Ok(Self {
             controller: framed_benchmark(model)?,
@@ -148,7 +148,7 @@ impl RustScheduledLqr {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if no limits or no reduced model can be derived.
+    /// [`TargetError::Design`] if no limits or no reduced model can be derived for the crane.
     pub fn new(model: &Description, length: usize) -> Result<Self, TargetError> {
         let controller = framed_scheduled_lqr(model)?;
         let state = FramedScheduledLqrState {
@@ -220,7 +220,7 @@ impl RustSimulationFeedforward {
     ///
     /// # Errors
     ///
-    /// [`TargetError`] if no limits can be derived, or the crane cannot be exported.
+    /// [`TargetError::Design`] if no limits can be derived, [`TargetError::Export`] if the crane cannot be exported.
     pub fn new(model: &Description) -> Result<Self, TargetError> {
         let n = &model.numbers;
         let mut state = FramedSimulationState::default();

@@ -50,7 +50,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Largest difference of the piston position to another trial \[m\], over their common control periods.
+    /// Largest difference of the piston position to another trial \[m\], over their common control periods: zero
+    /// without any. A period in which a position is NaN does not count.
     pub fn off(&self, other: &Self) -> f64 {
         let apart = self.course.iter().zip(&other.course).map(|(a, b)| (a - b).abs());
         apart.fold(0.0, f64::max)
@@ -108,7 +109,8 @@ const MACHINE_STEP: f64 = 1e-3;
 ///
 /// # Errors
 ///
-/// [`TrialError`] if the machine cannot be built or the controller fails.
+/// [`TrialError::Plant`] if the machine cannot be built, [`TrialError::Target`] if the controller fails. A simulation
+/// that fails is no error: it ends the trial and is in [`Outcome::broke`].
 pub fn run(
     model: &Description,
     machine: &Description,

@@ -104,7 +104,8 @@ const LIBRARY: &str = "fmu.so";
 ///
 /// # Errors
 ///
-/// [`ArchiveError`] if the folder cannot be used or the compiler reports an error.
+/// [`ArchiveError::System`] if the folder cannot be used or the compiler cannot be started.
+/// [`ArchiveError::Compiler`] if it reports an error.
 pub fn binary(unit: &Unit, system: System, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveError> {
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
     let mut sources = Vec::new();

@@ -48,8 +48,8 @@ pub struct Unit {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if the block depends on a quantity that it does not contain, or the crane file's step is above the
-/// stability limit of the scheme.
+/// [`ExportError::Foreign`] if the block depends on a quantity that it does not contain, [`ExportError::Step`] if the
+/// crane file's step is above the stability limit of the scheme.
 pub fn unit(
     block: &Block,
     slopes: Option<&Block>,

@@ -48,7 +48,8 @@ fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) ->
 ///
 /// # Errors
 ///
-/// [`ExportError`] if it depends on a quantity outside it, or on a number that the language cannot represent.
+/// [`ExportError::Foreign`] if it depends on a quantity outside it, [`ExportError::Constant`] on a number that the
+/// language cannot represent.
 pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     Ok(split_units(block)?.1)
 }
@@ -57,7 +58,8 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
 ///
 /// # Errors
 ///
-/// [`ExportError`] if it depends on a quantity outside it, or on a number that the language cannot represent.
+/// [`ExportError::Foreign`] if it depends on a quantity outside it, [`ExportError::Constant`] on a number that the
+/// language cannot represent.
 pub fn block_units(block: &Block) -> Result<Vec<Unit>, ExportError> {
     let (mut units, block) = split_units(block)?;
     units.push(block);

@@ -42,7 +42,10 @@ const GLOBALS: &str = "GVL_Hydroboom";
 ///
 /// # Errors
 ///
-/// [`ExportError`] if the crane cannot be exported.
+/// [`ExportError::Segments`], [`ExportError::Step`] or [`ExportError::Build`] if the crane cannot be exported,
+/// [`ExportError::Design`] if no controller can be designed. [`ExportError::Machine`] or [`ExportError::Simulation`]
+/// if the crane of the test bench cannot be simulated. [`ExportError::Foreign`] or [`ExportError::Constant`] if a
+/// block cannot be written in the language.
 pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     let [hydraulics, boom] = blocks(description)?;
     let n = &description.numbers;

@@ -95,7 +95,8 @@ impl Tuned {
         }
     }
 
-    /// Bounds of the 95 % interval in the key's SI unit, for a model without omitted effects.
+    /// Bounds θ e^(∓1.96 s) of the 95 % interval in the key's SI unit, for a model without omitted effects. s² is the
+    /// squared posterior deviation plus (3e-5)², from the interpolation of the motor speed between samples.
     pub fn interval(&self) -> (f64, f64) {
         let factor = (1.96 * self.deviation.hypot(INPUT_INTERPOLATION)).exp();
         (self.value.1 / factor, self.value.1 * factor)
@@ -203,7 +204,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] if the simulation fails.
+    /// As [`predict`](crate::predict).
     pub fn on_another_log(&self, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
         let [mut delays, mut offsets] = [[0.0; COMPARED.len()]; 2];
         for (nuisance, value) in self.sensors() {
@@ -292,8 +293,8 @@ impl<'a> Task<'a> {
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if the initial model cannot be simulated, `resume` has another length than the parameter vector,
-/// or the fit was stopped.
+/// As [`predict`](crate::predict) if the initial model cannot be simulated. [`IdentifyError::Resume`] if `resume` has
+/// another length than the parameter vector, [`IdentifyError::Stopped`] if the fit was stopped.
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let prior = task.prior();
     let layout = task.layout();

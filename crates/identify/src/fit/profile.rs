@@ -45,7 +45,8 @@ const POINTS: usize = 6;
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] if the key is not free, a simulation fails at a fixed value, or the profile was stopped.
+/// [`IdentifyError::NotFree`] if the key is not free, [`IdentifyError::Unsteady`] if a simulation fails at a fixed
+/// value, [`IdentifyError::Stopped`] if the profile was stopped.
 pub fn profile(
     task: &Task<'_>,
     found: &Fit,

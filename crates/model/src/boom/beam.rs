@@ -101,8 +101,8 @@ impl<T: Real, const N: usize> Boom<T, N> {
     ///
     /// # Errors
     ///
-    /// [`LayoutError`] for a number of shares the boom has no room for, or a share that is not
-    /// positive.
+    /// [`LayoutError::Count`] for a number of shares the boom has no room for, [`LayoutError::Length`] for a share
+    /// that is not positive and finite.
     pub fn from_beam(
         beam: &Beam<T>,
         geometry: &Geometry<T>,

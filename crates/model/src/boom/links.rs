@@ -59,7 +59,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
     ///
     /// # Errors
     ///
-    /// [`LayoutError`] for a number of links the boom has no room for.
+    /// [`LayoutError::Count`] for no link, or a number of links the boom has no room for.
     pub fn from_links(
         links: &[Link<T>],
         payload: &Payload<T>,

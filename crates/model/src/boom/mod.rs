@@ -151,7 +151,7 @@ impl<T, const N: usize> Boom<T, N> {
 }
 
 impl<T: Real, const N: usize> Boom<T, N> {
-    /// Kinetic energy \[J\].
+    /// Kinetic energy \[J\] of segments and base frame, ½ Σ (m v² + J ω²), v that of the centre of mass.
     pub fn kinetic_energy(&self, pose: &Pose<T, N>, state: &BoomState<T, N>) -> T {
         let mut energy = T::zero();
         let (mut vx, mut vy) = (T::zero(), T::zero());
@@ -172,7 +172,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Gravitational potential energy \[J\], zero with every centre of mass level with the bearing.
+    /// Gravitational potential energy \[J\], Σ m g y; zero with every centre of mass level with the bearing.
     pub fn gravitational_energy(&self, pose: &Pose<T, N>) -> T {
         let mut energy = T::zero();
         let mut height = T::zero();
@@ -184,7 +184,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Elastic energy \[J\] of the joints' springs and of the base frame.
+    /// Elastic energy \[J\] of the joints' springs, ½ Σ k_C (φ_{i+1} − φ_i − δ_i)², and of the base frame.
     pub fn elastic_energy(&self, state: &BoomState<T, N>) -> T {
         let mut energy = T::zero();
         for i in 0..self.len() - 1 {
@@ -198,7 +198,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Power dissipated by the dampers of joints and base frame \[W\].
+    /// Power \[W\] dissipated by the dampers of the joints, Σ b_C (φ̇_{i+1} − φ̇_i)², and of the base frame, b ψ̇².
     pub fn damping_loss(&self, state: &BoomState<T, N>) -> T {
         let mut power = T::zero();
         for i in 0..self.len() - 1 {

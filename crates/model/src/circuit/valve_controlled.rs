@@ -75,8 +75,8 @@ record! {
 }
 
 impl<T: Real> ValveEdge<T> {
-    /// Flow coefficient \[m³/(s·√Pa)\] at a spool position `travel` \[1\], a share of full travel, positive towards
-    /// this edge.
+    /// Flow coefficient K_V max(0, y − δ)/(1 − δ) \[m³/(s·√Pa)\] at a spool position y = `travel` \[1\], a share of
+    /// full travel, positive towards this edge. It is not limited beyond full travel.
     #[inline(always)]
     pub fn coefficient(&self, travel: T) -> T {
         let open = (travel - self.dead_band).max(T::zero()) / (T::one() - self.dead_band);
@@ -110,7 +110,8 @@ record! {
 }
 
 impl<T: Real> SpoolValve<T> {
-    /// Steady-state spool position y_c \[1\] for a command \[V\], limited to −1..1.
+    /// Steady-state spool position y_c \[1\] for a command \[V\]: the command less its neutral value, over the same
+    /// difference at full travel, limited to −1..1.
     #[inline(always)]
     pub fn travel(&self, command: T) -> T {
         let share = (command - self.neutral) / (self.full - self.neutral);

@@ -54,14 +54,14 @@ impl<T: Real> Accumulator<T> {
         (accumulator, gas_volume)
     }
 
-    /// Oil volume V_f \[m³\] at a gas volume \[m³\].
+    /// Oil volume V_f = V_a − V_g \[m³\] at a gas volume \[m³\], at least the residual volume.
     #[inline(always)]
     pub fn oil_volume(&self, gas_volume: T) -> T {
         (self.volume - gas_volume).max(self.residual_volume)
     }
 
-    /// Compliance of the gas, V_g/(γ (p + p_atm)) \[m³/Pa\], zero while the bladder rests on its
-    /// valve.
+    /// Compliance of the gas, V_g/(γ (p + p_atm)) \[m³/Pa\], at a gauge pressure \[Pa\] and gas volume \[m³\]; zero
+    /// while the bladder rests on its valve.
     #[inline(always)]
     pub fn gas_compliance(&self, pressure: T, gas_volume: T) -> T {
         let (volume, stiffness) = self.gas(pressure, gas_volume);
@@ -77,10 +77,11 @@ impl<T: Real> Accumulator<T> {
         (T::select(afloat, gas_volume, T::zero()), self.polytropic_exponent * absolute)
     }
 
-    /// Rates of pressure \[Pa/s\] and gas volume \[m³/s\] under the net inflow Q_acc \[m³/s\],
-    /// equations (A20) and (A21).
+    /// Rates of pressure \[Pa/s\] and gas volume \[m³/s\] under the net inflow Q_acc \[m³/s\], equations (A20) and
+    /// (A21).
     ///
-    /// `ṗ = Q_acc/(V_f/β + V_g/(γ p_gas))`, `V̇_g = −ṗ V_g/(γ p_gas)`.
+    /// `ṗ = Q_acc/(V_f/β + V_g/(γ p_gas))`, `V̇_g = −ṗ V_g/(γ p_gas)`. β is the oil's bulk modulus \[Pa\], `pressure`
+    /// a gauge pressure \[Pa\].
     #[inline(always)]
     pub fn rates(&self, bulk_modulus: T, pressure: T, gas_volume: T, inflow: T) -> (T, T) {
         // both fractions expanded by the gas's stiffness, so that one division serves

@@ -24,7 +24,8 @@ record! {
 }
 
 impl<T: Real> Cylinder<T> {
-    /// Cylinder from the diameters of piston and rod \[m\], stroke \[m\] and dead volumes \[m³\].
+    /// Cylinder from the diameters of piston D and rod d \[m\], stroke \[m\] and dead volumes \[m³\]: A_p = π D²/4,
+    /// A_r = π (D² − d²)/4. The rod must be thinner than the piston; this is not checked.
     pub fn from_diameters(
         piston: T,
         rod: T,
@@ -42,31 +43,31 @@ impl<T: Real> Cylinder<T> {
         }
     }
 
-    /// Oil volume \[m³\] in chamber A at the given piston position \[m\].
+    /// Oil volume \[m³\] in chamber A with the piston at x = `stroke` \[m\] from the lower stop, V_A0 + A_p x.
     #[inline(always)]
     pub fn volume_a(&self, stroke: T) -> T {
         self.dead_volume_a + self.piston_area * stroke
     }
 
-    /// Oil volume \[m³\] in chamber B at the given piston position \[m\].
+    /// Oil volume \[m³\] in chamber B with the piston at x = `stroke` \[m\] from the lower stop, V_B0 + A_r (L − x).
     #[inline(always)]
     pub fn volume_b(&self, stroke: T) -> T {
         self.dead_volume_b + self.rod_side_area * (self.stroke_length - stroke)
     }
 
-    /// Force \[N\] of both gauge pressures \[Pa\] on the piston, positive outwards (9).
+    /// Force A_p p_A − A_r p_B \[N\] of both gauge pressures \[Pa\] on the piston, positive outwards (9).
     #[inline(always)]
     pub fn force(&self, pressure_a: T, pressure_b: T) -> T {
         self.piston_area * pressure_a - self.rod_side_area * pressure_b
     }
 
-    /// Rod-side area over piston area, A_r/A_p.
+    /// Rod-side area over piston area, A_r/A_p \[1\].
     #[inline(always)]
     pub fn area_ratio(&self) -> T {
         self.rod_side_area / self.piston_area
     }
 
-    /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\].
+    /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\] from both gauge pressures \[Pa\].
     #[inline(always)]
     pub fn load_pressure(&self, pressure_a: T, pressure_b: T) -> T {
         pressure_a - self.area_ratio() * pressure_b
@@ -99,7 +100,8 @@ impl<T: Real> EndStops<T> {
         ((-stroke).max(T::zero()), (stroke - stroke_length).max(T::zero()))
     }
 
-    /// Force \[N\] on the piston, positive outwards, at its position \[m\] and velocity \[m/s\].
+    /// Force \[N\] of the stops on the piston, positive outwards, at its position \[m\] and velocity \[m/s\]. The
+    /// upper stop is at `stroke_length` \[m\]; between the stops the force is zero.
     #[inline(always)]
     pub fn force(&self, stroke: T, velocity: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
@@ -109,13 +111,14 @@ impl<T: Real> EndStops<T> {
         push(lower, -velocity) - push(upper, velocity)
     }
 
-    /// Elastic energy \[J\] of the stops at a piston position \[m\].
+    /// Elastic energy k s²/2 \[J\] of the stops at a piston position \[m\], the upper one at `stroke_length` \[m\].
     pub fn energy(&self, stroke: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
         T::lit(0.5) * self.stiffness * (lower.square() + upper.square())
     }
 
-    /// Elastic force \[N\] of the stops at a piston position \[m\], positive outwards, without damping.
+    /// Elastic force \[N\] of the stops at a piston position \[m\], positive outwards, without damping; the upper stop
+    /// is at `stroke_length` \[m\].
     pub fn spring_force(&self, stroke: T, stroke_length: T) -> T {
         let (lower, upper) = self.depths(stroke, stroke_length);
         self.stiffness * (lower - upper)

@@ -37,7 +37,8 @@ record! {
 }
 
 impl<T: Real> Oil<T> {
-    /// Effective bulk modulus \[Pa\] at a gauge pressure \[Pa\], equation (7).
+    /// Effective bulk modulus \[Pa\] at a gauge pressure p \[Pa\], equation (7):
+    /// `β = (β_max + β_min)/2 + (β_max − β_min)/2 tanh((p − p_c1)/p_c2)`.
     #[inline(always)]
     pub fn bulk_modulus(&self, pressure: T) -> T {
         let half = T::lit(0.5);
@@ -53,14 +54,14 @@ impl<T: Real> Oil<T> {
         Self { transition_pressure: self.transition_pressure - shift, ..self }
     }
 
-    /// Gauge pressure \[Pa\] of a node with the pressure coordinate q \[Pa\].
+    /// Gauge pressure max(q, p_v) \[Pa\] of a node with the pressure coordinate q \[Pa\].
     #[inline(always)]
     pub fn pressure(&self, coordinate: T) -> T {
         coordinate.max(self.vapour_pressure)
     }
 
-    /// Rate \[Pa/s\] of the pressure coordinate of a node with rigid walls, equation (6), from the
-    /// net inflow \[m³/s\] and the reciprocal of its volume \[1/m³\].
+    /// Rate β Q/V \[Pa/s\] of the pressure coordinate \[Pa\] of a node with rigid walls, equation (6), from the net
+    /// inflow Q \[m³/s\] and the reciprocal of its volume \[1/m³\].
     #[inline(always)]
     pub fn pressure_rate(&self, coordinate: T, per_volume: T, inflow: T) -> T {
         self.bulk_modulus(self.pressure(coordinate)) * inflow * per_volume

@@ -53,7 +53,8 @@ pub fn in_series<T: Real>(first: T, second: T) -> T {
     first * second / (first.square() + second.square() + T::lit(TINY)).sqrt()
 }
 
-/// Flow coefficient \[m³/(s·√Pa)\] of three orifices in series, as [`in_series`]; the first must not be closed.
+/// Flow coefficient \[m³/(s·√Pa)\] of three orifices in series, 1/√(1/K_1² + 1/K_2² + 1/K_3²), as [`in_series`]. The
+/// first must not be closed: if another one is closed too, the result is NaN.
 #[inline(always)]
 pub fn three_in_series<T: Real>(first: T, second: T, third: T) -> T {
     // numerator and denominator divided by the first, to stay clear of underflow; the reciprocal of

@@ -22,13 +22,15 @@ record! {
 }
 
 impl<T: Real> CheckValve<T> {
-    /// Valve from its pressure drops of cracking and full opening \[Pa\], p_cr < p_o.
+    /// Valve from its flow coefficient when fully open \[m³/(s·√Pa)\] and its pressure drops of cracking and full
+    /// opening \[Pa\]. These must be p_cr < p_o, which is not checked: equal ones give an infinite slope.
     pub fn new(flow_coefficient: T, cracking_pressure: T, opening_pressure: T) -> Self {
         let opening_slope = T::one() / (opening_pressure - cracking_pressure);
         Self { flow_coefficient, cracking_pressure, opening_slope }
     }
 
-    /// Flow coefficient \[m³/(s·√Pa)\], 0 to K_V,max, at a pressure \[Pa\] in opening direction.
+    /// Flow coefficient K_V,max (Δp − p_cr)/(p_o − p_cr) \[m³/(s·√Pa)\], limited to 0..K_V,max, at a pressure drop Δp
+    /// \[Pa\] in opening direction.
     #[inline(always)]
     pub fn coefficient(&self, pressure: T) -> T {
         let opening = (pressure - self.cracking_pressure) * self.opening_slope;
@@ -51,7 +53,8 @@ pub struct PilotCheckValve<T> {
 }
 
 impl<T: Real> PilotCheckValve<T> {
-    /// Flow coefficient \[m³/(s·√Pa)\] at the gauge pressures \[Pa\] of both ports and of the pilot line.
+    /// Flow coefficient \[m³/(s·√Pa)\] at the gauge pressures \[Pa\] of both ports and of the pilot line: that of the
+    /// check valve at the opening pressure `p_1 − p_2 + r max(0, p_pilot − p_1)`.
     #[inline(always)]
     pub fn coefficient(&self, port_1: T, port_2: T, pilot: T) -> T {
         let push = self.pilot_ratio * (pilot - port_1).max(T::zero());

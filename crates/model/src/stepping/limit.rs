@@ -49,7 +49,8 @@ impl StepLimit {
     pub const CHATTER: f64 = 0.1e5;
 
     /// The largest step \[s\] of forward Euler on the bristles of friction that slide at a piston velocity \[m/s\].
-    /// From `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken.
+    /// From `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken. Infinite at rest, and for a
+    /// law without memory.
     pub fn of_bristles(friction: &Friction<f64>, velocity: f64) -> f64 {
         1.4 / friction.bristle_rate(velocity)
     }
