@@ -35,7 +35,7 @@ pub struct OperatingPoint {
 }
 
 impl OperatingPoint {
-    /// Hydraulic spring with a bulk modulus of `share` \[1\] of the largest one.
+    /// Hydraulic spring with a bulk modulus of `share` \[1\] of the largest one: c_v and b are in proportion to it.
     pub fn spring(&self, share: f64) -> HydraulicSpring {
         HydraulicSpring {
             pressure_by_velocity: self.stiff.pressure_by_velocity * share,
@@ -168,7 +168,10 @@ impl OperatingPoints {
         0.5 * (1.0 + lowest) + 0.5 * (1.0 - lowest) * step
     }
 
-    /// Bulk modulus relative to the largest one \[1\] at a load pressure \[Pa\].
+    /// Bulk modulus relative to the largest one \[1\] at a load pressure p \[Pa\]:
+    /// `(1 + q)/2 + (1 − q)/2 · tanh((p + p_r − p_c1)/p_c2)`.
+    ///
+    /// q is the smallest bulk modulus over the largest, and p_r the rod side's term.
     pub fn stiffness(&self, load_pressure: f64) -> f64 {
         self.stiffness_at(load_pressure + self.rod_side_term)
     }

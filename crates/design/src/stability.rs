@@ -317,7 +317,7 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
 }
 
 /// Model with the oil's transition pressure and the drive lag of `crane`, as a controller identifies them, within the
-/// estimator's limits.
+/// estimator's limits. The lag is the drive's dead time plus its coefficient T_1 \[s\].
 pub fn with_identified(model: &Description, crane: &Description) -> Description {
     let mut known = model.clone();
     let n = &mut known.numbers;

@@ -74,7 +74,8 @@ pub struct DriveVerdict<M> {
 }
 
 impl<T: Real> DriveMonitorState<T> {
-    /// Measured motor speed `read` \[rev/s\], clamped to the envelope of the commands, extended to zero.
+    /// Measured motor speed `read` \[rev/s\], clamped to the envelope of the commands, extended to zero. NaN stays
+    /// NaN.
     #[inline(always)]
     pub fn plausible(&self, read: T) -> T {
         read.clamp(self.low.min(T::zero()), self.high.max(T::zero()))
