@@ -201,6 +201,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     }
 
     /// Initial state of a machine at rest: the payload follows from the measured load pressure.
+    ///
+    /// Position and load pressure of `measured` have to be valid, whatever their flags say; NaN would remain in the
+    /// estimates.
     pub fn start(&self, measured: &EstimatorInput<T>) -> EstimatorState<T> {
         let zero = T::zero();
         let payload = self.model.payload_at_rest(measured.position, measured.load_pressure);
@@ -234,6 +237,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     }
 
     /// One control period: prediction, then correction by the measurements.
+    ///
+    /// A position or load pressure that is flagged as invalid does not correct; its value may be NaN. Estimates are
+    /// clamped to [`lowest`](Self::lowest) and [`highest`](Self::highest).
     pub fn update(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         let never = T::one().lt(T::zero());
         self.update_frozen(state, measured, never);
@@ -268,7 +274,8 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         *state = EstimatorState { estimate, covariance, errors, ..anew };
     }
 
-    /// Whether the innovations have been inconsistent for longer than the divergence time.
+    /// Whether the innovations have been inconsistent for longer than the divergence time. A NaN innovation counts as
+    /// inconsistent.
     pub fn has_diverged(&self, state: &EstimatorState<T>) -> T::Mask {
         self.divergence_time.lt(state.inconsistent_time)
     }

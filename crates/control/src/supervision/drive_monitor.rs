@@ -86,7 +86,8 @@ impl<T: Real> DriveMonitor<T> {
     /// Compares the measured motor speed `read` \[rev/s\] with the envelope of the commands.
     ///
     /// `commanded` is the speed commanded in the last period \[rev/s\], `pressure` the pump's pressure difference
-    /// p_PA − p_PB \[Pa\], and `elapsed` the time since the last call \[s\].
+    /// p_PA − p_PB \[Pa\], and `elapsed` the time since the last call \[s\]. A pressure that is not finite counts as
+    /// zero. A NaN `read` is no deviation, and restarts the time for which one has to last.
     #[inline(always)]
     pub fn judge(
         &self,

@@ -189,7 +189,7 @@ impl FlowMonitor {
     }
 
     /// Monitor with narrower ranges of flow gain \[1\], leakage \[1\] and slip \[m³/(rev Pa)\], identified on this
-    /// machine.
+    /// machine. Leakage is relative to its value in the crane file.
     #[must_use]
     pub fn with_baseline(mut self, gain: Range, leakage: Range, slip: Range) -> Self {
         (self.gain, self.leakage, self.slip) = (gain, leakage, slip);
