@@ -104,7 +104,8 @@ impl OperatingPoints {
     ///
     /// # Errors
     ///
-    /// [`DesignError`] if the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
+    /// [`DesignError::Plant`] if the crane cannot rest at one of the positions, [`DesignError::Eigenvalues`] if its
+    /// modes cannot be computed, [`DesignError::NoMode`] if it does not oscillate on its oil there.
     pub fn new(description: &Description) -> Result<Self, DesignError> {
         let n = &description.numbers;
         let at =
