@@ -2,7 +2,7 @@
 
 use hydroboom_math::Real;
 
-/// Limits of the servo motor's speed and acceleration.
+/// Limits of the servo motor's speed and acceleration, both positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActuatorLimits<T> {
     /// Largest speed in either direction \[rev/s\].
@@ -12,8 +12,10 @@ pub struct ActuatorLimits<T> {
 }
 
 impl<T: Real> ActuatorLimits<T> {
-    /// Motor speed \[rev/s\] after `period` \[s\] if `wanted` \[rev/s\] is commanded at the speed `now` \[rev/s\],
-    /// within both limits.
+    /// Motor speed \[rev/s\] after `period` \[s\] if `wanted` \[rev/s\] is commanded at the speed `now` \[rev/s\].
+    ///
+    /// `wanted` is clamped to ± `speed`, then to `now` ± `slew · period`: from beyond the speed limit the motor
+    /// returns at the slew rate. A NaN `wanted` gives NaN.
     #[inline(always)]
     pub fn follow(&self, now: T, wanted: T, period: T) -> T {
         let reach = self.slew * period;

@@ -85,7 +85,10 @@ impl AxisMeasurement {
         Self { signals: AxisSignals::from_array(values), validity }
     }
 
-    /// Marks signals outside their range (lowest, highest) as [`Validity::OutOfRange`].
+    /// Marks valid signals outside their range as [`Validity::OutOfRange`].
+    ///
+    /// A range is (lowest, highest), both included, in the signal's unit. Any other validity stays, and so do the
+    /// values.
     #[must_use]
     pub fn within(mut self, ranges: &AxisSignals<(f64, f64)>) -> Self {
         let (values, ranges) = (self.signals.to_array(), ranges.to_array());

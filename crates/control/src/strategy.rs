@@ -84,6 +84,10 @@ impl Error for NoStrategy {}
 impl FromStr for Strategy {
     type Err = NoStrategy;
 
+    /// Strategy with this [`name`](Strategy::name), in exactly this spelling.
+    ///
+    /// # Errors
+    /// [`NoStrategy::Replaced`] for the former name `model-following`, [`NoStrategy::Unknown`] for any other.
     fn from_str(name: &str) -> Result<Self, NoStrategy> {
         let found = Self::ALL.into_iter().find(|strategy| strategy.name() == name);
         found.ok_or(match name {

@@ -116,12 +116,14 @@ pub fn payload_range(description: &Description) -> [f64; 2] {
     description.range("payload.mass_kg").map_or([own; 2], |range| [range.low, range.high])
 }
 
-/// Designs the gains of the benchmark controller for a range of payloads \[kg\].
+/// Designs the gains of the benchmark controller for a range of payloads \[kg\], smallest and largest, by the method
+/// of the [module](self).
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot be linearised with one of the payloads, if no gains keep the required margins,
-/// or if the search for worst cases does not converge.
+/// [`DesignError::NoGains`] if no gains keep the required margins, and [`DesignError::NotConverged`] if the search for
+/// worst cases does not converge. Any other [`DesignError`] if the crane cannot be linearised with one of the
+/// payloads.
 pub fn benchmark_design(
     description: &Description,
     payload: [f64; 2],

@@ -15,7 +15,8 @@ use serde::Serialize;
 pub struct DesignReport {
     /// Piston position \[mm\].
     pub stroke_mm: f64,
-    /// Mode of boom and load on the oil's spring; `None` if it is overdamped.
+    /// Mode of boom and load on the oil's spring; `None` if it is overdamped, or if no mass on a hydraulic spring
+    /// fits.
     pub load_mode: Option<Mode>,
     /// Margins of the benchmark controller's loop.
     pub benchmark: Margins,
@@ -86,7 +87,8 @@ pub fn scheduled_lqr_loop_at(
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot be linearised there.
+/// [`DesignError`] if the crane cannot be linearised there, if its loop gain is not finite, or if the reduced model
+/// cannot be fitted over the stroke.
 pub fn design_report(description: &Description, stroke: f64) -> Result<DesignReport, DesignError> {
     let crane = LinearisedPlant::new(description, stroke)?;
     Ok(DesignReport {

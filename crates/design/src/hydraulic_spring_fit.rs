@@ -34,7 +34,8 @@ pub struct HydraulicSpring {
 }
 
 impl HydraulicSpring {
-    /// Natural angular frequency of the mass on the oil's spring \[rad/s\].
+    /// Natural angular frequency of the mass on the oil's spring, √(−a_p c_v) \[rad/s\]. NaN if a_p and c_v have the
+    /// same sign.
     pub fn natural_frequency(&self) -> f64 {
         (-self.acceleration_by_pressure * self.pressure_by_velocity).sqrt()
     }
@@ -50,8 +51,8 @@ pub struct ElasticLoad {
 }
 
 impl ElasticLoad {
-    /// Natural angular frequency of the load on oil and boom in series \[rad/s\]: the squares of their periods add
-    /// up.
+    /// Natural angular frequency of the load on oil and boom in series, (−1/(a_p c_v) + γ/a_p)^(−1/2) \[rad/s\]: the
+    /// squares of their periods add up. c_v is that of the `spring`.
     pub fn natural_frequency(&self, spring: &HydraulicSpring) -> f64 {
         let on_oil = -1.0 / (self.acceleration_by_pressure * spring.pressure_by_velocity);
         (on_oil + self.compliance / self.acceleration_by_pressure).powf(-0.5)
@@ -69,7 +70,7 @@ impl ElasticLoad {
 ///
 /// # Errors
 ///
-/// [`DesignError`] if no hydraulic spring fits the crane's responses, or they cannot be computed.
+/// [`DesignError::NoMode`] if no hydraulic spring fits the crane's responses, or they are not finite.
 pub fn hydraulic_spring(
     crane: &LinearisedPlant,
 ) -> Result<(HydraulicSpring, ElasticLoad), DesignError> {

@@ -13,15 +13,16 @@ pub struct Mode {
     pub imaginary: f64,
     /// Frequency of the oscillation \[Hz\]; zero without oscillation.
     pub frequency_hz: f64,
-    /// Damping ratio \[1\]; 1 for modes that decay without oscillation, 0 for an eigenvalue at zero.
+    /// Damping ratio −Re λ/|λ| of the eigenvalue λ \[1\]: 1 for modes that decay without oscillation, negative for
+    /// modes that grow. An eigenvalue of less than 1e-9 1/s counts as zero and has 0.
     pub damping_ratio: f64,
 }
 
-/// Modes of ẋ = A x, slowest first.
+/// Modes of ẋ = A x, by the magnitude of their eigenvalues, smallest first; a conjugate pair is one mode.
 ///
 /// # Errors
 ///
-/// [`DesignError::Eigenvalues`] if they cannot be computed.
+/// [`DesignError::Eigenvalues`] if an entry of A is not finite, or the iteration does not converge.
 pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, DesignError> {
     let mut modes: Vec<Mode> = eigenvalues(a)?
         .iter()
@@ -41,7 +42,7 @@ pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, DesignError> {
 ///
 /// # Errors
 ///
-/// [`DesignError::Eigenvalues`] if the iteration does not converge.
+/// [`DesignError::Eigenvalues`] if an entry is not finite, or the iteration does not converge.
 pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
     if a.iter().any(|entry| !entry.is_finite()) {
         return Err(DesignError::Eigenvalues("the matrix has entries that are not finite".into()));
@@ -95,7 +96,8 @@ pub(crate) fn balanced(a: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
 /// Whether the piston side's load-holding valve is in its dead band: its flow does not change with the pump's
 /// pressure.
 ///
-/// `a` is the state matrix, `states` has the names of its rows.
+/// `a` is the state matrix, `states` has the names of its rows. False if `pressure_a_pa` or `pressure_pump_a_pa` is
+/// not among them.
 pub fn in_dead_band(a: &DMatrix<f64>, states: &[String]) -> bool {
     let place = |name: &str| states.iter().position(|state| state == name);
     let pair = place("pressure_a_pa").zip(place("pressure_pump_a_pa"));

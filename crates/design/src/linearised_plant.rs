@@ -51,7 +51,8 @@ impl LinearisedPlant {
     ///
     /// # Errors
     ///
-    /// [`DesignError`] if the crane cannot rest there, or its modes cannot be computed.
+    /// [`DesignError::Plant`] if the crane cannot rest there, [`DesignError::Eigenvalues`] if its modes cannot be
+    /// computed, [`DesignError::NoMode`] if it lacks one of the outputs.
     pub fn new(description: &Description, stroke: f64) -> Result<Self, DesignError> {
         let mut sliding = description.clone();
         let n = &mut sliding.numbers;
@@ -99,7 +100,7 @@ impl LinearisedPlant {
     ///
     /// # Errors
     ///
-    /// [`DesignError::NoMode`] if there is no such mode.
+    /// [`DesignError::NoMode`] if there is no such mode, or if no mass on a hydraulic spring fits.
     pub fn load_mode(&self) -> Result<&Mode, DesignError> {
         let (spring, load) = hydraulic_spring(self)?;
         let natural = load.natural_frequency(&spring) / TAU;

@@ -99,7 +99,7 @@ impl Loop {
         }
     }
 
-    /// Open-loop gain L(iω) \[1\] at a frequency \[Hz\]; the critical point is −1.
+    /// Open-loop gain L(iω) \[1\] at a frequency \[Hz\]; the critical point is −1. NaN at a pole of the scheduled LQR.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         self.gain_at(crane, Complex::new(0.0, TAU * frequency))
     }
@@ -146,7 +146,7 @@ pub struct Margins {
 }
 
 impl Margins {
-    /// Whether no pole of the closed loop grows.
+    /// Whether no pole of the closed loop grows faster than 0.02 1/s.
     pub fn is_stable(&self) -> bool {
         self.unstable_poles == 0
     }
@@ -198,7 +198,8 @@ impl From<Margins> for Shown {
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane's responses are not finite.
+/// [`DesignError::NoMode`] if the crane's responses or the loop's gain are not finite, or if the turns of the loop do
+/// not count its poles. [`DesignError::Eigenvalues`] if the controller's poles cannot be computed.
 pub fn margins(crane: &LinearisedPlant, around: &Loop) -> Result<Margins, DesignError> {
     let at = |frequency: f64| {
         let gain = around.gain(&crane.responses(frequency)?, frequency);

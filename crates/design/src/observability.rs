@@ -44,7 +44,8 @@ pub struct Phase {
 
 type Square = SMatrix<f64, STATES, STATES>;
 
-/// Observability in the phases of the out-and-back motion at a speed \[m/s\].
+/// Observability in the phases of the crane file's out-and-back motion at a speed \[m/s\], positive: seven phases,
+/// then the whole motion.
 ///
 /// # Errors
 ///

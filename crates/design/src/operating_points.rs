@@ -35,7 +35,7 @@ pub struct OperatingPoint {
 }
 
 impl OperatingPoint {
-    /// Hydraulic spring with a bulk modulus of `share` \[1\] of the largest one.
+    /// Hydraulic spring with a bulk modulus of `share` \[1\] of the largest one: c_v and b are in proportion to it.
     pub fn spring(&self, share: f64) -> HydraulicSpring {
         HydraulicSpring {
             pressure_by_velocity: self.stiff.pressure_by_velocity * share,
@@ -104,7 +104,8 @@ impl OperatingPoints {
     ///
     /// # Errors
     ///
-    /// [`DesignError`] if the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
+    /// [`DesignError::Plant`] if the crane cannot rest at one of the positions, [`DesignError::Eigenvalues`] if its
+    /// modes cannot be computed, [`DesignError::NoMode`] if it does not oscillate on its oil there.
     pub fn new(description: &Description) -> Result<Self, DesignError> {
         let n = &description.numbers;
         let at =
@@ -168,7 +169,10 @@ impl OperatingPoints {
         0.5 * (1.0 + lowest) + 0.5 * (1.0 - lowest) * step
     }
 
-    /// Bulk modulus relative to the largest one \[1\] at a load pressure \[Pa\].
+    /// Bulk modulus relative to the largest one \[1\] at a load pressure p \[Pa\]:
+    /// `(1 + q)/2 + (1 − q)/2 · tanh((p + p_r − p_c1)/p_c2)`.
+    ///
+    /// q is the smallest bulk modulus over the largest, and p_r the rod side's term.
     pub fn stiffness(&self, load_pressure: f64) -> f64 {
         self.stiffness_at(load_pressure + self.rod_side_term)
     }

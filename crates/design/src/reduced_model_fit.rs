@@ -30,7 +30,8 @@ struct Sample {
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane is nowhere at rest within its stroke, or does not oscillate on its oil.
+/// [`DesignError::NoFit`] if the polynomials cannot be fitted. Any other [`DesignError`] if the crane cannot rest or
+/// be linearised at one of the positions and payloads, or does not oscillate on its oil there.
 pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, DesignError> {
     let n = &description.numbers;
     let range = description.range("payload.mass_kg").map_or(n.payload, |range| range.high);

@@ -113,6 +113,9 @@ impl SmallSignalController {
 
     /// Amplitude of the commanded motor speed \[rev/s\] for measurements with the complex amplitudes `readings` and
     /// the time dependence e^(s t), s in \[1/s\]; NaN at a pole.
+    ///
+    /// The readings are position \[m\], load pressure \[Pa\] and motor speed \[rev/s\]. Above half the sampling
+    /// frequency the response of the sampled controller is mirrored.
     pub fn frequency_response(
         &self,
         readings: [Complex<f64>; READINGS],

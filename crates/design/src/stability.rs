@@ -164,7 +164,8 @@ impl fmt::Display for LoopStability {
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot be linearised.
+/// [`DesignError::Plant`] or [`DesignError::Eigenvalues`] if the crane cannot be linearised. [`DesignError::NoMode`]
+/// if the loop's gain is not finite or its turns do not count poles.
 pub fn benchmark_stability(
     model: &Description,
     machine: Option<&Description>,
@@ -191,7 +192,9 @@ fn equipment_of(machine: Option<&Description>) -> Equipment {
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot be linearised, or the regulator cannot be designed.
+/// [`DesignError::Plant`] or [`DesignError::Eigenvalues`] if the crane cannot be linearised. [`DesignError::NoMode`]
+/// if the crane does not oscillate on its oil, or if the loop's gain is not finite or its turns do not count poles.
+/// [`DesignError::NoFit`] if the reduced model of the regulator cannot be fitted.
 pub fn scheduled_lqr_stability(
     model: &Description,
     machine: Option<&Description>,
@@ -211,7 +214,9 @@ pub fn scheduled_lqr_stability(
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot be linearised, or the regulator cannot be designed.
+/// [`DesignError::Plant`] or [`DesignError::Eigenvalues`] if the crane cannot be linearised. [`DesignError::NoMode`]
+/// if the crane does not oscillate on its oil, or if the loop's gain is not finite or its turns do not count poles.
+/// [`DesignError::NoFit`] if the reduced model of the regulator cannot be fitted.
 pub fn unstable_on_ideal_equipment(
     model: &Description,
     expected: &[LoopStability],
@@ -257,7 +262,7 @@ pub fn stable_with_expected_lags(
 ///
 /// # Errors
 ///
-/// [`DesignError`] if a crane cannot be linearised, or the regulator cannot be designed.
+/// As [`scheduled_lqr_stability`], for either crane.
 pub fn stability_of(
     strategies: &[Strategy],
     model: &Description,
@@ -317,7 +322,7 @@ pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
 }
 
 /// Model with the oil's transition pressure and the drive lag of `crane`, as a controller identifies them, within the
-/// estimator's limits.
+/// estimator's limits. The lag is the drive's dead time plus its coefficient T_1 \[s\].
 pub fn with_identified(model: &Description, crane: &Description) -> Description {
     let mut known = model.clone();
     let n = &mut known.numbers;

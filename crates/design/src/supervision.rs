@@ -76,7 +76,8 @@ struct Derivation {
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot rest, or has no load mode.
+/// [`DesignError::Plant`] if the crane cannot rest, [`DesignError::Eigenvalues`] if its modes cannot be computed,
+/// [`DesignError::NoMode`] if it has no load mode in the middle of its stroke.
 pub fn limits(model: &Description, speed: f64) -> Result<Limits, DesignError> {
     Ok(Derivation::of(model)?.limits(speed))
 }
@@ -123,7 +124,7 @@ pub fn framed_scheduled_lqr(model: &Description) -> Result<FramedScheduledLqr<f6
 ///
 /// # Errors
 ///
-/// [`DesignError`] if the crane cannot rest.
+/// [`DesignError::Plant`] if the crane cannot rest at one of the positions and payloads.
 pub fn load_pressure(model: &Description) -> Result<LoadPressure, DesignError> {
     let ranges = model.ranges();
     weigh(model, &ranges.low, &ranges.high)

@@ -178,7 +178,8 @@ impl TipSurvey {
     /// # Errors
     ///
     /// [`SurveyError::Wrong`] with file, line and column: a missing column, a value that is no number or out of
-    /// range, a tip of another crane. Also for too few poses, positions or loads.
+    /// range, a tip of another crane. Also for too few poses, positions or loads. [`SurveyError::NoTip`] if the
+    /// crane's tip cannot be estimated.
     pub fn parse(file: &str, text: &str, description: &Description) -> Result<Self, SurveyError> {
         let estimator = tip_of(description)?;
         let expected = format!("the columns are {}", COLUMNS.join(","));
@@ -231,7 +232,8 @@ impl TipSurvey {
     ///
     /// # Errors
     ///
-    /// [`SurveyError`] if the crane's tip cannot be estimated, or a spread is zero.
+    /// [`SurveyError::NoTip`] if the crane's tip cannot be estimated, [`SurveyError::NoFit`] if a spread is zero or
+    /// the normal equations have no solution.
     pub fn fit(&self, description: &Description) -> Result<SurveyFit, SurveyError> {
         let prior = tip_of(description)?;
         let no_fit = || SurveyError::NoFit(self.file.clone());
@@ -313,7 +315,8 @@ fn tip_of(description: &Description) -> Result<TipEstimator<f64>, SurveyError> {
 }
 
 impl SurveyFit {
-    /// Keys of the crane file's section `tip` with the fitted values in SI units.
+    /// Keys of the crane file's section `tip` with the fitted values in SI units, whatever unit the key names. A
+    /// correlation with a parameter without spread is 0.
     pub fn keys(&self) -> [(&'static str, f64); 9] {
         let TipParameters { bending, base, stroke_offset } = self.estimator.parameters;
         let c = &self.estimator.covariance;

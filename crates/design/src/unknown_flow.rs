@@ -13,7 +13,8 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use std::f64::consts::TAU;
 
-/// Oil of a revolution of the input that stands for the pump \[m³/rev\]: a revolution per second is a litre per second.
+/// Oil of a revolution of the input that stands for the pump \[m³/rev\]: a revolution per second is a litre per
+/// second.
 const LITRE: f64 = 1e-3;
 
 /// Prior of an unknown flow into the piston side, modelled as a random walk.
@@ -21,7 +22,8 @@ const LITRE: f64 = 1e-3;
 pub struct UnknownFlowPrior {
     /// Initial standard deviation \[m³/s\]: flow through the fully open valve. The estimate is limited to twice that.
     pub initial_deviation: f64,
-    /// Intensity of the random walk \[m³/s/√s\]: flow through the fully open valve within the spool's time constant.
+    /// Intensity of the random walk, Q √(2π f) \[m³/s/√s\]: flow Q through the fully open valve \[m³/s\] within the
+    /// time constant of a spool of bandwidth f \[Hz\].
     pub random_walk: f64,
 }
 

@@ -23,7 +23,8 @@ impl<T: Real, const N: usize> Dual<T, N> {
         Self { value, slope: [T::zero(); N] }
     }
 
-    /// An independent variable at `value`, with derivative one in `direction` (0 to N − 1).
+    /// An independent variable at `value`, with derivative one in `direction` (0 to N − 1). Any other direction gives
+    /// a constant.
     #[inline(always)]
     pub fn variable(value: T, direction: usize) -> Self {
         Self { value, slope: from_fn(|i| if i == direction { T::one() } else { T::zero() }) }

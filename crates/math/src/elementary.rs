@@ -1,8 +1,8 @@
 //! Exponential, hyperbolic tangent, logarithm, sine and cosine from plain arithmetic.
 //!
 //! Libraries differ in the last bits of these functions, and compute one lane at a time. Here they consist of
-//! additions, multiplications, one division and a scaling by a power of two. Hence `f64`, every SIMD lane and generated
-//! code agree to the last bit, and the compiler can vectorise them.
+//! additions, multiplications, one division and a scaling by a power of two. Hence `f64`, every SIMD lane and
+//! generated code agree to the last bit, and the compiler can vectorise them.
 //!
 //! Error bounds in `f64`, relative, tested on a fine grid against libm
 //! (`elementary_functions_keep_their_stated_error`):
@@ -25,14 +25,15 @@ pub trait Binary: Real {
     /// Adding this to a number below 2^51 (2^22 in single precision) rounds it to the nearest integer, ties to even.
     /// The last bits of the sum hold the integer; subtracting it again yields the integer as a number.
     const ROUNDER: f64;
-    /// Largest exponent of a normal number and its reciprocal.
+    /// Largest k for which both 2^k and 2^-k are normal numbers: 1022 in double, 126 in single precision.
     const LARGEST_EXPONENT: f64;
 
     /// Two to the power of the integer held in the last bits.
     fn power_of_two(held: Self) -> Self;
     /// Sine and cosine rotated by the number of quarter turns held in the last bits.
     fn turn(held: Self, sin: Self, cos: Self) -> (Self, Self);
-    /// `(m, e)` with `self = m 2^e` and m in sqrt(1/2) .. sqrt(2), for positive normal numbers.
+    /// `(m, e)` with `self = m 2^e` and m in sqrt(1/2) .. sqrt(2), for positive normal numbers. For zero, negative
+    /// numbers, infinities and NaN, m is NaN.
     fn split(self) -> (Self, Self);
 }
 
@@ -57,7 +58,7 @@ fn exp_parts<T: Binary>(held: T, p: T, most: f64) -> (T, T) {
     (T::power_of_two(limited), q)
 }
 
-/// e^x; range and error bound in the [module](self).
+/// e^x; range and error bound in the [module](self). NaN for NaN and infinities.
 #[inline(always)]
 pub fn exp<T: Binary>(x: T) -> T {
     let rounder = T::lit(T::ROUNDER);
@@ -69,7 +70,8 @@ pub fn exp<T: Binary>(x: T) -> T {
     scale * ((q + p) / (q - p))
 }
 
-/// Hyperbolic tangent, (e^2x - 1)/(e^2x + 1) without cancellation near zero.
+/// Hyperbolic tangent, (e^2x - 1)/(e^2x + 1) without cancellation near zero; range and error bound in the
+/// [module](self). NaN for NaN and infinities.
 #[inline(always)]
 pub fn tanh<T: Binary>(x: T) -> T {
     let rounder = T::lit(T::ROUNDER);
@@ -83,7 +85,8 @@ pub fn tanh<T: Binary>(x: T) -> T {
     less.mul_add(q, more * p) / more.mul_add(q, less * p)
 }
 
-/// Natural logarithm of a positive normal number, from the series of 2 atanh((m-1)/(m+1)).
+/// Natural logarithm of a positive normal number, from the series of 2 atanh((m-1)/(m+1)). NaN for zero, negative
+/// numbers, infinities and NaN; inaccurate for subnormal numbers.
 #[inline(always)]
 pub fn ln<T: Binary>(x: T) -> T {
     let (m, e) = x.split();
@@ -97,7 +100,8 @@ pub fn ln<T: Binary>(x: T) -> T {
     e * T::lit(T::LN_2[0]) + (two_s + (two_s * y * series + e * T::lit(T::LN_2[1])))
 }
 
-/// Sine and cosine of an angle \[rad\], |x| up to 1e4.
+/// Sine and cosine of an angle \[rad\]; error bound in the [module](self) for |x| up to 1e4. NaN for NaN and
+/// infinities.
 #[inline(always)]
 pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
     let rounder = T::lit(T::ROUNDER);

@@ -32,7 +32,8 @@ impl<T: Real, const M: usize> Factored<T, M> {
         Self { entries: matrix, inverse_pivots }
     }
 
-    /// The solution of `matrix * x = rhs` for one right-hand side.
+    /// The solution of `matrix * x = rhs` for one right-hand side, which the argument holds. Not finite if a pivot was
+    /// zero.
     #[inline(always)]
     pub fn solve(&self, mut x: [T; M]) -> [T; M] {
         for i in 1..M {
@@ -52,7 +53,8 @@ impl<T: Real, const M: usize> Factored<T, M> {
 
 /// Solves the leading `count` equations of `matrix * x = rhs` in place, with partial pivoting.
 ///
-/// For set-up code on plain numbers. Returns `None` if a pivot is zero or not finite.
+/// For set-up code on plain numbers. The solution replaces `rhs`, and elimination overwrites `matrix`; `count` is at
+/// most `M`. Returns `None` if a pivot is zero or not finite; both arguments are then partly eliminated.
 pub fn solve_pivoted<const M: usize>(
     matrix: &mut [[f64; M]; M],
     rhs: &mut [f64; M],

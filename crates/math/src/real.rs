@@ -27,7 +27,7 @@ pub trait Real:
         + BitOr<Output = Self::Mask>
         + Not<Output = Self::Mask>;
 
-    /// The constant `value`.
+    /// The constant `value`, rounded to the precision of the type.
     fn lit(value: f64) -> Self;
 
     /// Whether `self < other`; false where either is NaN.
@@ -47,15 +47,15 @@ pub trait Real:
 
     /// `self * factor + term` with a single rounding (fused multiply-add).
     fn mul_add(self, factor: Self, term: Self) -> Self;
-    /// Square root.
+    /// Square root; NaN for negative numbers. Its derivatives at zero are not finite.
     fn sqrt(self) -> Self;
-    /// Natural exponential.
+    /// Natural exponential. Beyond ±708 in double precision it stays near 2^±1022 instead of overflowing.
     fn exp(self) -> Self;
-    /// Natural logarithm of a positive number.
+    /// Natural logarithm of a positive number; NaN for zero and negative numbers.
     fn ln(self) -> Self;
-    /// Hyperbolic tangent.
+    /// Hyperbolic tangent, −1 to 1.
     fn tanh(self) -> Self;
-    /// Sine and cosine of an angle \[rad\].
+    /// Sine and cosine of an angle \[rad\] of at most 1e4 rad in magnitude; larger ones lose accuracy.
     fn sin_cos(self) -> (Self, Self);
 
     /// Zero.
@@ -78,22 +78,23 @@ pub trait Real:
     fn square(self) -> Self {
         self * self
     }
-    /// The smaller of two numbers; NaN if `self` is NaN.
+    /// The smaller of two numbers; NaN if `self` is NaN, and `self` if `other` is NaN.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)
     }
-    /// The larger of two numbers; NaN if `self` is NaN.
+    /// The larger of two numbers; NaN if `self` is NaN, and `self` if `other` is NaN.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
     }
-    /// `self` limited to `low..=high`; NaN if `self` is NaN.
+    /// `self` limited to `low..=high`; NaN if `self` is NaN. A limit that is NaN has no effect, and `high` counts if
+    /// the limits cross.
     #[inline(always)]
     fn clamp(self, low: Self, high: Self) -> Self {
         self.max(low).min(high)
     }
-    /// `self^exponent` for positive `self`.
+    /// `self^exponent` for positive `self`, computed as `exp(exponent ln(self))`; NaN for zero and negative `self`.
     #[inline(always)]
     fn powf(self, exponent: Self) -> Self {
         (exponent * self.ln()).exp()
@@ -101,8 +102,8 @@ pub trait Real:
     /// Linear interpolation in a table of equidistant entries at index `place`. Beyond either end the result is the
     /// entry at that end; an empty table gives zero. NaN if `place` is NaN.
     ///
-    /// The entries must be finite. Here each is weighted by its hat function, `max(0, 1 − |place − k|)`. Plain floating
-    /// point reads only the two entries with a weight other than zero, with the same result.
+    /// The entries must be finite. Here each is weighted by its hat function, `max(0, 1 − |place − k|)`. Plain
+    /// floating point reads only the two entries with a weight other than zero, with the same result.
     fn interpolate(table: &[Self], place: Self) -> Self {
         let last = Self::lit(table.len().saturating_sub(1) as f64);
         let place = place.clamp(Self::zero(), last);
@@ -142,7 +143,7 @@ pub trait Real:
             false => (carried, [[Self::zero(); W]; K]),
         }
     }
-    /// Whether the number is finite.
+    /// Whether the number is neither infinite nor NaN.
     #[inline(always)]
     #[expect(clippy::eq_op, reason = "the difference is zero for finite numbers only")]
     fn is_finite(self) -> Self::Mask {

@@ -1,8 +1,8 @@
 //! Run-time selection of the machine's widest vector instructions.
 //!
-//! A [`Kernel`] is compiled once for each instruction set and run with the best one present. Its result does not depend
-//! on the instruction set: all round additions, multiplications, divisions and roots alike, and two operations are
-//! fused only where the source says `mul_add`.
+//! A [`Kernel`] is compiled once for each instruction set and run with the best one present. Its result does not
+//! depend on the instruction set: all round additions, multiplications, divisions and roots alike, and two operations
+//! are fused only where the source says `mul_add`.
 
 /// Code to be compiled for several instruction sets. `run` and all functions that it calls must be
 /// `#[inline(always)]`; other functions keep the instructions of the default build.
@@ -13,7 +13,7 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
-/// Name of the instruction set that [`run`] uses on this machine.
+/// Name of the instruction set that [`run`] uses on this machine: `AVX-512`, `AVX2` or `default build`.
 pub fn chosen() -> &'static str {
     #[cfg(all(target_arch = "x86_64", feature = "std"))]
     {

@@ -43,21 +43,22 @@ record! {
 }
 
 impl<T: Real> DriveLag<T> {
-    /// Motor speed \[rev/s\] one control period later for a command \[rev/s\]; it changes by at most `slew` \[rev/s\]
-    /// in the period.
+    /// Motor speed n + g (u − n) \[rev/s\] one control period later, from the `speed` n and the `command` u
+    /// \[rev/s\]. It changes by at most `slew` \[rev/s\] in the period.
     #[inline(always)]
     pub fn next(&self, speed: T, command: T, slew: T) -> T {
         let next = self.coefficient.mul_add(command - speed, speed);
         next.clamp(speed - slew, speed + slew)
     }
 
-    /// Time constant of the lag, τ = −T/ln(1 − g) \[s\], for a control period T \[s\].
+    /// Time constant of the lag, τ = −T/ln(1 − g) \[s\], for a control period T \[s\] and 0 < g < 1; NaN from g = 1
+    /// on.
     #[inline(always)]
     pub fn time_constant(&self, period: T) -> T {
         -period / (T::one() - self.coefficient).ln()
     }
 
-    /// Delay of the motor speed behind a ramp of its command, T/g \[s\], for a control period T \[s\].
+    /// Delay of the motor speed behind a ramp of its command, T/g \[s\], for a control period T \[s\] and g > 0.
     #[inline(always)]
     pub fn ramp_delay(&self, period: T) -> T {
         period / self.coefficient
@@ -74,8 +75,14 @@ impl<T: Real> DriveIdentification<T> {
     /// Updates the lag from two consecutive measured motor speeds `before` and `now` \[rev/s\], with `command`
     /// \[rev/s\] in effect between them.
     ///
-    /// `period` is the control period \[s\]. The lag stays unchanged where `is_informative` is false, as at the
-    /// motor's torque or slew limit.
+    /// ```text
+    /// φ = u − n(k),   P ← (1 + T/τ) P,   K = P φ/(σ² + P φ²)
+    /// g ← g + K (n(k+1) − n(k) − g φ),   P ← P (1 − K φ)
+    /// ```
+    ///
+    /// T is the control `period` \[s\], τ the memory and σ the speed noise. Coefficient g and variance P are limited
+    /// as set. The lag stays unchanged where `is_informative` is false, as at the motor's torque or slew limit;
+    /// elsewhere a NaN speed or command gives a NaN lag.
     #[inline(always)]
     pub fn update(
         &self,

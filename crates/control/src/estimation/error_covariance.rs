@@ -74,8 +74,8 @@ pub fn as_variables<T: Real>(
     (with_considered(model), z)
 }
 
-/// Standard deviation σ of a scalar function h of the states by first-order propagation, σ² = ∇h P ∇hᵀ. `slopes` is
-/// ∇h.
+/// Standard deviation σ of a scalar function h of the states by first-order propagation, σ² = ∇h P ∇hᵀ, in the unit of
+/// h. `slopes` is ∇h. A variance that rounding makes negative counts as zero.
 pub fn output_deviation<T: Real, const N: usize>(p: &Covariance<T, N>, slopes: &[T; N]) -> T {
     let variance = p.iter().zip(slopes).fold(T::zero(), |sum, (row, slope)| {
         let product = row.iter().zip(slopes).fold(T::zero(), |sum, (p, s)| p.mul_add(*s, sum));
@@ -84,7 +84,7 @@ pub fn output_deviation<T: Real, const N: usize>(p: &Covariance<T, N>, slopes: &
     variance.max(T::zero()).sqrt()
 }
 
-/// Diagonal covariance matrix of independent errors with these standard deviations.
+/// Diagonal covariance matrix of independent errors with these standard deviations, each in its error's unit.
 pub fn independent<T: Real, const N: usize>(deviations: &[T; N]) -> Covariance<T, N> {
     core::array::from_fn(|i| {
         core::array::from_fn(|j| if i == j { deviations[i].square() } else { T::zero() })
@@ -137,8 +137,9 @@ pub fn corrected<T: Real, const N: usize>(
     }
 }
 
-/// Limits variances: scales rows and columns so that no variance exceeds its limit. `most` has pairs of index and
-/// largest variance.
+/// Limits variances: scales rows and columns so that no variance exceeds its limit, and correlations stay.
+///
+/// `most` has pairs of index, below `N`, and largest variance in the error's unit squared.
 #[inline(always)]
 pub fn limit<T: Real, const N: usize>(p: &mut Covariance<T, N>, most: &[(usize, T)]) {
     for (place, most) in most {

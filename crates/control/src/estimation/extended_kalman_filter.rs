@@ -34,7 +34,7 @@ const PARAMETERS: [usize; 3] = [UNKNOWN_FLOW, PAYLOAD, TRANSITION_PRESSURE];
 pub struct ExtendedKalmanFilter<T> {
     /// Reduced model of the machine.
     pub model: ReducedModel<T>,
-    /// Initial standard deviation of each state.
+    /// Initial standard deviation of each state, in the state's unit.
     pub initial_deviation: MachineState<T>,
     /// Process noise: standard deviation of each state's random walk after one second, in the state's unit. That of
     /// the load pressure follows from [`flow_ripple`](Self::flow_ripple).
@@ -42,9 +42,9 @@ pub struct ExtendedKalmanFilter<T> {
     /// Process noise of the pump's delivered flow, as a motor speed: standard deviation of its integral after one
     /// second \[rev\].
     pub flow_ripple: T,
-    /// Smallest possible value of each state.
+    /// Smallest possible value of each state, in the state's unit.
     pub lowest: MachineState<T>,
-    /// Largest possible value of each state.
+    /// Largest possible value of each state, in the state's unit.
     pub highest: MachineState<T>,
     /// Standard deviations of the measurements: piston position \[m\] and load pressure \[Pa\]. They cover sensor
     /// noise and unmodelled dynamics.
@@ -106,7 +106,7 @@ pub struct EstimatorState<T> {
     pub estimate: MachineState<T>,
     /// Covariance P of the filter, which determines its gain.
     pub covariance: Covariance<T>,
-    /// Error covariance of the estimates and of the consider parameters.
+    /// Error covariance of the estimates, then of the consider parameters in the order of [`ConsideredParameters`].
     pub errors: Covariance<T, ERRORS>,
     /// Low-pass filtered normalised innovation squared \[1\]; about 1 for a consistent filter.
     pub mean_nis: T,
@@ -201,6 +201,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     }
 
     /// Initial state of a machine at rest: the payload follows from the measured load pressure.
+    ///
+    /// Position and load pressure of `measured` have to be valid, whatever their flags say; NaN would remain in the
+    /// estimates.
     pub fn start(&self, measured: &EstimatorInput<T>) -> EstimatorState<T> {
         let zero = T::zero();
         let payload = self.model.payload_at_rest(measured.position, measured.load_pressure);
@@ -234,6 +237,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     }
 
     /// One control period: prediction, then correction by the measurements.
+    ///
+    /// A position or load pressure that is flagged as invalid does not correct; its value may be NaN. Estimates are
+    /// clamped to [`lowest`](Self::lowest) and [`highest`](Self::highest).
     pub fn update(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         let never = T::one().lt(T::zero());
         self.update_frozen(state, measured, never);
@@ -268,7 +274,8 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         *state = EstimatorState { estimate, covariance, errors, ..anew };
     }
 
-    /// Whether the innovations have been inconsistent for longer than the divergence time.
+    /// Whether the innovations have been inconsistent for longer than the divergence time. A NaN innovation counts as
+    /// inconsistent.
     pub fn has_diverged(&self, state: &EstimatorState<T>) -> T::Mask {
         self.divergence_time.lt(state.inconsistent_time)
     }

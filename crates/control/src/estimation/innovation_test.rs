@@ -25,6 +25,8 @@ record! {
 
 impl<T: Real> InnovationTest<T> {
     /// Mean NIS \[1\] after another normalised innovation squared `nis` \[1\], `since` \[s\] after the last one.
+    ///
+    /// The filter is of first order: `mean + (since/τ) (nis − mean)`, with a factor `since/τ` of at most 1.
     #[inline(always)]
     pub fn update(&self, mean: T, nis: T, since: T) -> T {
         let share = (since / self.time_constant).min(T::one());
@@ -32,14 +34,15 @@ impl<T: Real> InnovationTest<T> {
     }
 
     /// Degree of a load change by the mean NIS \[1\]: 0 up to the threshold, rising linearly to 1 where a change is
-    /// certain.
+    /// certain. NaN for a NaN mean.
     #[inline(always)]
     pub fn inconsistency(&self, mean: T) -> T {
         let above = (mean - self.threshold) / (self.certain - self.threshold).max(T::lit(1e-9));
         above.clamp(T::zero(), T::one())
     }
 
-    /// Whether a mean NIS \[1\] is consistent with the model.
+    /// Whether a mean NIS \[1\] is consistent with the model: below [`inconsistent`](Self::inconsistent). A NaN mean
+    /// is not.
     #[inline(always)]
     pub fn is_consistent(&self, mean: T) -> T::Mask {
         mean.lt(self.inconsistent)

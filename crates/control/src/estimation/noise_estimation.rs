@@ -28,8 +28,10 @@ impl<T: Real> NoiseEstimate<T> {
         Self { variance: T::zero(), last: value, before: value, good: T::lit(2.0) }
     }
 
-    /// Updates the estimate by a value of the signal. `share` \[1\] is the control period over the averaging time. An
-    /// invalid value has no effect on the variance, and neither have the two values after it.
+    /// Updates the estimate by a value y of the signal: `σ² ← σ² + share ((y − 2 y_1 + y_2)²/6 − σ²)`.
+    ///
+    /// y_1 and y_2 are the two values before. `share` \[1\] is the control period over the averaging time. An invalid
+    /// value has no effect on the variance, and neither have the two values after it.
     #[inline(always)]
     pub fn update(&mut self, value: T, is_good: T::Mask, share: T) {
         let difference = value - self.last - (self.last - self.before);

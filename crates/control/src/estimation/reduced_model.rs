@@ -190,8 +190,8 @@ impl<T: Real> ReducedModel<T> {
         }
     }
 
-    /// Payload \[kg\] in equilibrium with a load pressure \[Pa\] at a piston position \[m\], between 0 and the
-    /// largest payload.
+    /// Payload (p − P_0)/P_1 \[kg\] in equilibrium with a load pressure p \[Pa\] at a piston position \[m\], clamped
+    /// to 0 and the largest payload. A NaN pressure or position gives NaN.
     pub fn payload_at_rest(&self, position: T, load_pressure: T) -> T {
         let at = |payload: T| self.at(position, payload).holding_pressure;
         let empty = at(T::zero());
@@ -207,13 +207,15 @@ impl<T: Real> ReducedModel<T> {
             .bulk_modulus(load_pressure + rod_side_term)
     }
 
-    /// Pressure change per inflow volume \[Pa/m³\] with the load at rest, oil and boom compliance in series.
+    /// Pressure change per inflow volume, β/(V + γ A β) \[Pa/m³\], with the load at rest, oil and boom compliance in
+    /// series. `bulk_modulus` is β \[Pa\].
     #[inline(always)]
     pub fn stiffness(&self, at: &OperatingPoint<T>, bulk_modulus: T) -> T {
         bulk_modulus / (at.compliance * self.piston_area).mul_add(bulk_modulus, at.volume)
     }
 
-    /// Leakage as a motor speed \[rev/s\] at a load pressure \[Pa\].
+    /// Leakage as a motor speed, in proportion to the square root of the load pressure \[rev/s\]. A pressure below
+    /// 1e4 Pa counts as 1e4 Pa.
     #[inline(always)]
     pub fn leakage(&self, load_pressure: T) -> T {
         // the oil below a tenth of a bar is unknown

@@ -97,13 +97,16 @@ impl<T: Real> StateEstimatorState<T> {
         }
     }
 
-    /// Commanded motor speeds of the last control periods \[rev/s\], newest first.
+    /// Commanded motor speeds of the last 41 control periods \[rev/s\], newest first: both delays at their largest,
+    /// and one.
     pub fn commands(&self) -> &[T] {
         &self.commands
     }
 
     /// Replaces the commanded motor speeds of the last control periods \[rev/s\], newest first, and the last measured
     /// motor speed \[rev/s\].
+    ///
+    /// Of more than 41 commands the oldest are ignored; fewer leave the older ones as they are.
     #[must_use]
     pub fn with_commands(mut self, commands: &[T], motor_speed: T) -> Self {
         for (kept, command) in self.commands.iter_mut().zip(commands) {
@@ -128,7 +131,8 @@ impl<T: Real> StateEstimator<T> {
         }
     }
 
-    /// Replaces the delays of a measurement and of a command \[control periods\].
+    /// Replaces the delays of a measurement and of a command \[control periods\]; each counts as [`LARGEST_DELAY`] at
+    /// most.
     #[must_use]
     pub fn with_delays(mut self, measurement: usize, command: usize) -> Self {
         (self.measurement_delay_cycles, self.command_delay_cycles) = (measurement, command);

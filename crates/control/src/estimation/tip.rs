@@ -153,6 +153,8 @@ record! {
 
 impl<T: Real> TipModel<T> {
     /// Position of the tip \[m\], right of and above the bearing. Quasi-static: the boom's own modes are left out.
+    ///
+    /// Equations in the [module](self). Beyond the reach of the cylinder's triangle the boom stays at the end of it.
     pub fn position(&self, parameters: &TipParameters<T>, load: &TipLoad<T>) -> [T; 2] {
         let (one, half, third) = (T::one(), T::lit(0.5), T::lit(1.0 / 3.0));
         let (length, g) = (self.length, self.gravity);

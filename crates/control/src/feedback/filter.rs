@@ -13,7 +13,7 @@ pub struct HighPass<T> {
 }
 
 impl<T: Real> HighPass<T> {
-    /// High-pass with the time constant τ \[s\], sampled every `period` \[s\].
+    /// High-pass with the time constant τ \[s\], sampled every `period` \[s\], both positive.
     pub fn new(time_constant: T, period: T) -> Self {
         Self { keep: (-(period / time_constant)).exp() }
     }

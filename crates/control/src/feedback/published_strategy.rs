@@ -36,6 +36,9 @@ struct SimulatedLoop {
 
 impl PublishedStrategy {
     /// Controller with the benchmark's `law`. `area_ratio` is A_r/A_p \[1\] of the cylinder.
+    ///
+    /// [`Strategy::ScheduledLqr`] is none of the published strategies; here it acts as
+    /// [`Strategy::BenchmarkClosedLoop`].
     pub fn new(strategy: Strategy, law: Benchmark<f64>, area_ratio: f64) -> Self {
         Self {
             strategy,

@@ -28,7 +28,7 @@ pub struct LinearQuadratic<T> {
     pub input: [T; ORDER],
     /// Weights of the states, Q.
     pub state_cost: Matrix<T>,
-    /// Weight of the input, r.
+    /// Weight of the input, r, positive.
     pub input_cost: T,
 }
 
@@ -37,7 +37,7 @@ pub struct LinearQuadratic<T> {
 pub struct Regulator<T> {
     /// Cost-to-go matrix P.
     pub cost_to_go: Matrix<T>,
-    /// Gain K of `u = −K z`.
+    /// Gain K of `u = −K z`, with the motor speed u in \[rev/s\] and the states z in their own units.
     pub gain: [T; ORDER],
 }
 
@@ -95,7 +95,7 @@ impl<T: Real> LinearQuadratic<T> {
 }
 
 impl<T: Real> Regulator<T> {
-    /// Initial state: the cost of one period, P = Q.
+    /// Initial state: the cost of one period, P = Q, and zero gain until the first [`step`](Self::step).
     pub fn start(plant: &LinearQuadratic<T>) -> Self {
         Self { cost_to_go: plant.state_cost, gain: [T::zero(); ORDER] }
     }

@@ -22,7 +22,8 @@ record! {
 }
 
 impl<T: Real> NestedSaturation<T> {
-    /// Position error \[m\] beyond which position feedback is limited.
+    /// Position error \[m\] beyond which position feedback is limited: the position limit over the position gain. A
+    /// gain below 1 rev/(s m) counts as 1 rev/(s m).
     #[inline(always)]
     pub fn largest_error(&self, gain: &[T; ORDER]) -> T {
         // a gain near zero limits nothing

@@ -186,6 +186,9 @@ impl<T: Real> ScheduledLqr<T> {
     }
 
     /// Length of the smoothing window \[s\] one control period after it was `window` \[s\].
+    ///
+    /// It approaches, with the window's time constant, the length at which compressing the oil takes its share of the
+    /// largest motor speed. That length lies between the shortest window plus the drive's lag, and the longest window.
     pub fn next_window(
         &self,
         window: T,
@@ -227,7 +230,9 @@ impl<T: Real> ScheduledLqr<T> {
         regulator
     }
 
-    /// Motor speed \[rev/s\] for the next control period.
+    /// Motor speed \[rev/s\] for the next control period, within the largest motor speed in either direction.
+    ///
+    /// The steps are those of the [module](self). The slew rate is left to the drive.
     pub fn update(
         &self,
         state: &mut ScheduledLqrState<T>,
@@ -400,7 +405,9 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
-    /// Largest piston speeds outwards and inwards \[m/s\] at the motor's largest speed.
+    /// Largest piston speeds outwards and inwards \[m/s\] at the motor's largest speed, (D/A) (n_max ∓ (n_l(p) − r)).
+    ///
+    /// Leakage n_l and unknown flow r are as in the [reduced model](crate::estimation::reduced_model).
     pub fn fastest(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> [T; 2] {
         let flow = estimated.filter.estimate.unknown_flow;
         let held = self.model.leakage(now.load_pressure) - flow;

@@ -54,7 +54,8 @@ impl ScheduledLqrController {
         }
     }
 
-    /// Sets the delay of measurements and of commands on the fieldbus, the same for both \[control periods\].
+    /// Sets the delay of measurements and of commands on the fieldbus, the same for both \[control periods\]; it
+    /// counts as 20 at most.
     #[must_use]
     pub fn with_delay(mut self, delay_cycles: u32) -> Self {
         self.set_delays(delay_cycles as usize, delay_cycles as usize);
@@ -128,7 +129,8 @@ impl ScheduledLqrController {
     }
 
     /// Starts control at the present state, after any other controller. The reference moves from the piston position
-    /// to `reference` \[m\]; the regulator is that of the operating point.
+    /// to `reference` \[m\]; the regulator is that of the operating point. Without a valid measurement so far, nothing
+    /// changes.
     pub fn take_over(&mut self, reference: f64) {
         if let (Some(estimated), Some(regulator)) = (&self.estimated, self.regulator) {
             self.state = Some(self.law.start(regulator, &self.estimator, estimated, reference));

@@ -28,7 +28,8 @@ record! {
 }
 
 impl<T: Real> ReferenceGovernor<T> {
-    /// Decay rate of the offset \[1/s\] for a natural angular frequency of the load \[rad/s\].
+    /// Decay rate of the offset \[1/s\] for a natural angular frequency ω of the load \[rad/s\]: the smaller of
+    /// `rate` and `rate_by_frequency · ω`.
     #[inline(always)]
     pub fn decay(&self, natural_frequency: T) -> T {
         self.rate.min(self.rate_by_frequency * natural_frequency)
@@ -36,6 +37,9 @@ impl<T: Real> ReferenceGovernor<T> {
 
     /// Offset \[m\] one control period later. `error` \[m\] is piston position minus reference without offset,
     /// `decay` \[1/s\] the decay rate, `period` the control period \[s\].
+    ///
+    /// The offset first decays by its [`drift`](Self::drift), then takes up what the remaining error exceeds
+    /// `largest_error` by.
     #[inline(always)]
     pub fn update(&self, offset: T, error: T, decay: T, period: T) -> T {
         let returned = self.drift(offset, decay).mul_add(period, offset);
@@ -44,7 +48,8 @@ impl<T: Real> ReferenceGovernor<T> {
         returned + left - kept
     }
 
-    /// Velocity \[m/s\] of a decaying offset \[m\] at a decay rate \[1/s\].
+    /// Velocity \[m/s\] of a decaying offset \[m\] at a decay rate \[1/s\]: `−decay · offset`, clamped to ±
+    /// `velocity`.
     #[inline(always)]
     pub fn drift(&self, offset: T, decay: T) -> T {
         (-decay * offset).clamp(-self.velocity, self.velocity)

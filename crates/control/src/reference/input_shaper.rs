@@ -19,7 +19,10 @@ pub struct InputShaper {
 
 impl InputShaper {
     /// Zero vibration (ZV) shaper: two impulses half a damped period apart, for a mode of natural `frequency` \[Hz\]
-    /// and `damping` ratio \[1\], below 1.
+    /// and `damping` ratio \[1\].
+    ///
+    /// The amplitudes are 1 and K, over 1 + K. The frequency is positive, the damping ratio from 0 to below 1; from 1
+    /// on the shaper is NaN.
     pub fn zv(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = 1.0 + k;
@@ -28,6 +31,8 @@ impl InputShaper {
 
     /// Zero vibration and derivative (ZVD) shaper: three impulses. The derivative of the residual vibration by
     /// frequency \[Hz\] is zero as well, for robustness against an error of the frequency.
+    ///
+    /// The amplitudes are 1, 2 K and K², over (1 + K)². Ranges are those of [`zv`](Self::zv).
     pub fn zvd(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = (1.0 + k) * (1.0 + k);

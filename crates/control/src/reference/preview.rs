@@ -33,7 +33,8 @@ pub const DISTANT: usize = FAR - 1;
 /// Future set points, as far as they are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PreviewAhead<T> {
-    /// Number of known future control periods; 0 if only the present set point is known.
+    /// Number of known future control periods; 0 if only the present set point is known. Of more than
+    /// [`PERIODS_AHEAD`], the rest is known by `distant`.
     pub length: T,
     /// Position in each future control period \[m\].
     pub position: [T; PERIODS_AHEAD],
@@ -263,7 +264,8 @@ impl<T: Real> Preview<T> {
         T::select(beyond.lt(T::zero()), near, far)
     }
 
-    /// Largest acceleration of the reference between −0.2 s and 0.8 s, as a mean over 30 ms \[m/s²\].
+    /// Largest magnitude of the reference's acceleration \[m/s²\], as a mean over 30 control periods, from 300 periods
+    /// before to 780 after now.
     pub fn largest_acceleration(&self) -> T {
         const SPAN: usize = 30;
         let spans =

@@ -48,16 +48,16 @@ pub struct OutAndBack<T> {
     pub speed: T,
     /// Duration of each ramp \[s\], positive.
     pub ramp: T,
-    /// Duration of the rest at the far position \[s\].
+    /// Duration of the rest at the far position \[s\], not negative.
     pub dwell: T,
-    /// Duration of the rest before and after the motion \[s\].
+    /// Duration of the rest before and after the motion \[s\], not negative.
     pub rest: T,
     /// Shape of the ramps.
     pub profile: RampShape,
 }
 
 impl<T: Real> OutAndBack<T> {
-    /// Duration of a single move \[s\], ramps included.
+    /// Duration of a single move, |`end` − `start`|/`speed` + `ramp` \[s\].
     pub fn travel_time(&self) -> T {
         (self.end - self.start).abs() / self.speed + self.ramp
     }
@@ -98,19 +98,20 @@ pub struct PointToPoint<T> {
     pub distance: T,
     /// Speed between the ramps \[m/s\], positive; a distance too short to reach it has a lower peak speed.
     pub speed: T,
-    /// Duration of each ramp \[s\].
+    /// Duration of each ramp \[s\], positive.
     pub ramp: T,
     /// Shape of the ramps.
     pub profile: RampShape,
 }
 
 impl<T: Real> PointToPoint<T> {
-    /// Duration of the move \[s\], ramps included.
+    /// Duration of the move, `distance`/`speed` + `ramp` \[s\].
     pub fn duration(&self) -> T {
         self.distance / self.speed + self.ramp
     }
 
-    /// Travelled distance \[m\] and speed \[m/s\] at the time `t` \[s\].
+    /// Travelled distance \[m\] and speed \[m/s\] at the time `t` \[s\]: zero before 0, at rest at the end of the
+    /// distance after [`duration`](Self::duration).
     #[inline(always)]
     pub fn at(&self, t: T) -> SetPoint<T> {
         // the speed is the rise begun at 0 less the one begun at the end of the cruise

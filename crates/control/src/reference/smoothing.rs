@@ -27,8 +27,11 @@ record! {
     }
 }
 
-/// Reference averaged over a window of length `window` \[s\], centred at the time `after` \[s\]. `at(t)` is the set
-/// point at a time t \[s\] relative to now.
+/// Reference averaged over a window of length `window` \[s\], positive, centred at the time `after` \[s\]. `at(t)` is
+/// the set point at a time t \[s\] relative to now.
+///
+/// The position is the mean of six positions in the window. Each derivative is the difference of the next lower one
+/// between the ends of the window, over its length.
 #[inline(always)]
 pub fn smoothed<T: Real>(at: impl Fn(T) -> SetPoint<T>, window: T, after: T) -> SmoothSetPoint<T> {
     let half = T::lit(0.5) * window;

@@ -63,7 +63,7 @@ impl<T: Real> SpeedLimit<T> {
         }
     }
 
-    /// One control period. `fastest` are the largest piston speeds outwards and inwards \[m/s\].
+    /// One control period. `fastest` are the largest piston speeds outwards and inwards \[m/s\], both positive.
     pub fn update(&mut self, preview: &Preview<T>, fastest: [T; 2]) {
         let period = preview.period();
         let spacing = T::lit(SPACING);

@@ -74,7 +74,8 @@ pub struct DriveVerdict<M> {
 }
 
 impl<T: Real> DriveMonitorState<T> {
-    /// Measured motor speed `read` \[rev/s\], clamped to the envelope of the commands, extended to zero.
+    /// Measured motor speed `read` \[rev/s\], clamped to the envelope of the commands, extended to zero. NaN stays
+    /// NaN.
     #[inline(always)]
     pub fn plausible(&self, read: T) -> T {
         read.clamp(self.low.min(T::zero()), self.high.max(T::zero()))
@@ -85,7 +86,8 @@ impl<T: Real> DriveMonitor<T> {
     /// Compares the measured motor speed `read` \[rev/s\] with the envelope of the commands.
     ///
     /// `commanded` is the speed commanded in the last period \[rev/s\], `pressure` the pump's pressure difference
-    /// p_PA − p_PB \[Pa\], and `elapsed` the time since the last call \[s\].
+    /// p_PA − p_PB \[Pa\], and `elapsed` the time since the last call \[s\]. A pressure that is not finite counts as
+    /// zero. A NaN `read` is no deviation, and restarts the time for which one has to last.
     #[inline(always)]
     pub fn judge(
         &self,

@@ -166,7 +166,9 @@ impl FlowMonitor {
     }
 
     /// Smallest drift of the position at rest \[m/s\] that is certainly detected within the time `within` \[s\], above
-    /// zero, for any leakage in its range, at a load pressure \[Pa\].
+    /// zero, for any leakage in its range, at a load pressure p \[Pa\].
+    ///
+    /// It is `tolerance/within + (Δλ + Δk λ_max) (K + K_ext) √p/A`, where Δ is the width of a range.
     pub fn smallest_drift(&self, within: f64, pressure: f64) -> f64 {
         let leaked = (self.internal_leakage + self.case_leakage) * signed_root(pressure);
         // what leaks, and what the pump delivers to make it good
@@ -176,7 +178,10 @@ impl FlowMonitor {
     }
 
     /// Smallest relative error of the position's gain \[1\] that is certainly detected over a fast travel \[m\], above
-    /// zero, for any flow gain and slip in their ranges, at a load pressure \[Pa\]. Leakage is neglected.
+    /// zero, for any flow gain and slip in their ranges, at a load pressure p \[Pa\]. Leakage is neglected.
+    ///
+    /// It is `(Δk + Δc p/D)/k_m + tolerance/travel`, where Δ is the width of a range and k_m the middle of the flow
+    /// gain's.
     pub fn smallest_gain_error(&self, travel: f64, pressure: f64) -> f64 {
         let middle = 0.5 * (self.gain.high + self.gain.low);
         let slip = (self.slip.high - self.slip.low) * pressure / self.displacement;
@@ -184,7 +189,7 @@ impl FlowMonitor {
     }
 
     /// Monitor with narrower ranges of flow gain \[1\], leakage \[1\] and slip \[m³/(rev Pa)\], identified on this
-    /// machine.
+    /// machine. Leakage is relative to its value in the crane file.
     #[must_use]
     pub fn with_baseline(mut self, gain: Range, leakage: Range, slip: Range) -> Self {
         (self.gain, self.leakage, self.slip) = (gain, leakage, slip);

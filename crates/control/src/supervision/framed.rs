@@ -33,7 +33,7 @@ pub struct FramedBenchmark<T> {
     pub frame: Frame<T>,
     /// Benchmark controller.
     pub benchmark: Benchmark<T>,
-    /// Rod-side area over piston area, A_r/A_p.
+    /// Rod-side area over piston area, A_r/A_p \[1\].
     pub area_ratio: T,
 }
 
@@ -110,7 +110,7 @@ pub struct FramedSimulationFeedforward<T> {
     pub frame: Frame<T>,
     /// Benchmark controller, both for the machine and for the simulated crane.
     pub benchmark: Benchmark<T>,
-    /// Rod-side area over piston area, A_r/A_p.
+    /// Rod-side area over piston area, A_r/A_p \[1\].
     pub area_ratio: T,
 }
 

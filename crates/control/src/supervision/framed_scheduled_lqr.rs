@@ -85,7 +85,7 @@ pub struct FramedScheduledLqr<T> {
     pub estimator: StateEstimator<T>,
     /// Control law.
     pub law: ScheduledLqr<T>,
-    /// Rod-side area over piston area, A_r/A_p.
+    /// Rod-side area over piston area, A_r/A_p \[1\].
     pub area_ratio: T,
 }
 

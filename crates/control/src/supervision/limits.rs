@@ -64,6 +64,8 @@ pub struct Limits {
 impl Limits {
     /// Distance from an end stop \[m\] at which a controlled stop has to begin, for a piston that approaches it with
     /// `velocity` \[m/s\].
+    ///
+    /// It is |`velocity`| times the [`stopping_time`](Self::stopping_time), and [`margin`](Self::margin) at least.
     pub fn end_margin(&self, velocity: f64) -> f64 {
         self.margin.max(velocity.abs() * self.stopping_time())
     }
@@ -120,7 +122,8 @@ impl MachineStatus {
 /// Inputs of the supervisor in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// Time since the last executed period, by the machine's clock \[s\].
+    /// Time since the last executed period, by the machine's clock \[s\]. Where it is not positive and finite, the
+    /// clock counts as jumped.
     pub elapsed: f64,
     /// Newest measurement.
     pub reading: AxisSignals<f64>,
@@ -137,11 +140,13 @@ pub struct Observation {
     pub lost_readings: u32,
     /// Whether commands do not reach the machine, or its watchdog has stopped it.
     pub commands_lost: bool,
-    /// Reference position \[m\]; before a course begins, its start position.
+    /// Reference position \[m\]; before a course begins, its start position. NaN is a tracking error while the
+    /// controller is active.
     pub reference: f64,
     /// Largest tracking error of the active strategy \[m\].
     pub tracking: f64,
-    /// Motor speed requested by the controller \[rev/s\].
+    /// Motor speed requested by the controller \[rev/s\]. A value that is not finite is a fault while the controller
+    /// is active.
     pub wanted: f64,
     /// Whether the course has ended.
     pub course_over: bool,

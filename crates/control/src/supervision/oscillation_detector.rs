@@ -162,6 +162,9 @@ impl<T: Real> OscillationDetector<T> {
     }
 
     /// Amplitude \[m\] and frequency \[Hz\] of the last sustained half-cycles; zero for fewer than two.
+    ///
+    /// The amplitude is half the range of the last one. The frequency is `(h − 1)/(2 t)` for h half-cycles, of which
+    /// all but the first took the time t \[s\].
     #[inline(always)]
     pub fn amplitude_and_frequency(&self, state: &OscillationState<T>) -> [T; 2] {
         let is = T::lit(1.5).lt(state.half_cycles) & T::zero().lt(state.time);

@@ -142,6 +142,9 @@ impl Plausibility {
 }
 
 /// Plausible range of each signal, lowest and highest value, for a machine with these limits.
+///
+/// The position may lie 5 mm outside the stroke. A pressure lies between −1.5e5 Pa and twice the largest pressure. The
+/// motor speed has no range here.
 pub fn ranges(l: &Limits) -> AxisSignals<(f64, f64)> {
     let pressure = (LOWEST_PRESSURE, 2.0 * l.pressure);
     AxisSignals {

@@ -292,7 +292,7 @@ impl<T: Real> Release<T> {
         ReleaseState::from_array([T::zero(); ReleaseState::NAMES.len()])
     }
 
-    /// One control period; `elapsed` \[s\] is its length by the machine's clock.
+    /// One control period; `elapsed` \[s\] is its length by the machine's clock, positive.
     #[inline(always)]
     pub fn advance(
         &self,

@@ -125,6 +125,8 @@ impl Supervisor {
     }
 
     /// One control period: from observation and request to the command.
+    ///
+    /// An elapsed time that is not positive and finite is a fault, and counts as one control period.
     pub fn advance(&mut self, seen: &Observation, request: Request) -> Decision {
         let has_passed = seen.elapsed.is_finite() && seen.elapsed > 0.0;
         let elapsed = if has_passed { seen.elapsed } else { self.limits.period };
