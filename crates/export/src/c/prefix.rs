@@ -2,13 +2,14 @@
 
 use crate::error::ExportError;
 
-/// Prefix of all types and functions with external linkage, so that several cranes can be linked into one program.
+/// Prefix of all type names and of all functions with external linkage, so that several cranes can be linked into one
+/// program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Prefix(String);
 
 impl Prefix {
-    /// Largest number of characters of a prefix: all names stay below the 63 characters that C99 and linkers
-    /// distinguish.
+    /// Largest number of characters of a prefix: all names stay below 63 characters, which common linkers distinguish.
+    /// C99 itself guarantees 31 for external names (5.2.4.1).
     pub const LONGEST: usize = 24;
 
     /// A prefix for C names.

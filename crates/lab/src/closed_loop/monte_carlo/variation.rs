@@ -158,7 +158,8 @@ pub fn variations(is_widened: bool) -> Vec<Variation> {
     [&VARIATIONS, more].concat()
 }
 
-/// The crane after years of wear: three times the leakage, a third more friction, more air in its oil.
+/// The crane after years of wear: three times the internal leakage and slip of the pump, a third more Coulomb and static
+/// friction, a transition pressure of the oil that is 5 bar higher.
 ///
 /// # Errors
 ///
