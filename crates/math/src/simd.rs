@@ -20,7 +20,7 @@ pub fn chosen() -> &'static str {
         if has_avx512() {
             return "AVX-512";
         }
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if has_avx2() {
             return "AVX2";
         }
     }
@@ -29,10 +29,16 @@ pub fn chosen() -> &'static str {
 
 #[cfg(all(target_arch = "x86_64", feature = "std"))]
 fn has_avx512() -> bool {
-    std::arch::is_x86_feature_detected!("avx512f")
+    std::arch::is_x86_feature_detected!("fma")
+        && std::arch::is_x86_feature_detected!("avx512f")
         && std::arch::is_x86_feature_detected!("avx512dq")
         && std::arch::is_x86_feature_detected!("avx512vl")
         && std::arch::is_x86_feature_detected!("avx512bw")
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+fn has_avx2() -> bool {
+    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
 /// Runs a kernel with the widest instruction set of this machine, and returns its output.
@@ -53,9 +59,9 @@ pub fn run<K: Kernel>(kernel: K) -> K::Output {
             #[expect(unsafe_code, reason = "the features are detected first")]
             return unsafe { avx512(kernel) };
         }
-        if std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the feature was detected on this machine just above
-            #[expect(unsafe_code, reason = "the feature is detected first")]
+        if has_avx2() {
+            // SAFETY: the features were detected on this machine just above
+            #[expect(unsafe_code, reason = "the features are detected first")]
             return unsafe { avx2(kernel) };
         }
     }
