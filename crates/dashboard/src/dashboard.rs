@@ -62,7 +62,11 @@ impl Dashboard {
     ///
     /// # Errors
     ///
-    /// [`DashboardError`] if the server cannot be started.
+    /// - [`DashboardError::Remote`] if other computers can reach the address and `allow_remote` is false.
+    /// - [`DashboardError::Address`] if the address cannot be listened on.
+    /// - [`DashboardError::Token`] without random numbers for the token.
+    /// - [`DashboardError::Crane`] if the geometry of the crane cannot be computed.
+    /// - [`DashboardError::Thread`] if the thread or its runtime cannot be created.
     pub fn open(
         listen: SocketAddr,
         allow_remote: bool,

@@ -73,7 +73,7 @@ impl Segment {
     }
 
     /// Passes a frame through the devices and back, from the time `now` \[ns\]. Returns false if nothing comes back:
-    /// an incomplete EtherCAT frame, no device, or a lost frame.
+    /// an incomplete EtherCAT frame, no device, or a lost or damaged frame.
     pub fn process(&mut self, frame: &mut [u8], now: u64) -> bool {
         let connected = &mut self.devices[..self.connected];
         let arrivals: Vec<u64> = self

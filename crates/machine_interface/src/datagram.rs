@@ -206,6 +206,8 @@ impl Writer<'_> {
 }
 
 /// Encodes a datagram into a buffer and returns its length \[byte\]. Nothing is allocated.
+///
+/// The number of axes must be 1 to [`MOST_AXES`], and numbers finite: the receiver drops any other datagram.
 pub fn encode(header: &Header, body: &Body, into: &mut [u8; LONGEST]) -> usize {
     let (kind, axes, body_length) = match body {
         Body::Hello(hello) => (HELLO, hello.axes, HELLO_HEAD + HELLO_AXIS * hello.axes),
@@ -296,7 +298,12 @@ impl Reader<'_> {
 ///
 /// # Errors
 ///
-/// [`Dropped`], the first reason in the order of its variants.
+/// The first reason that applies, in this order:
+/// - [`Dropped::Magic`], [`Dropped::Version`];
+/// - [`Dropped::Undefined`] for an undefined kind;
+/// - [`Dropped::Length`], also for a number of axes that is not 1 to [`MOST_AXES`];
+/// - [`Dropped::CheckSum`];
+/// - [`Dropped::Undefined`] for an undefined state or validity, or [`Dropped::NotFinite`], in the order of the axes.
 pub fn decode(bytes: &[u8]) -> Result<(Header, Body), Dropped> {
     if bytes.get(..4) != Some(&MAGIC) {
         return Err(Dropped::Magic);

@@ -251,7 +251,8 @@ impl Endpoint {
     }
 
     /// Writes a command to the given bytes. `answers` is the sampling time \[ns\] of the measurement that
-    /// it answers. Returns its length and destination; none before the first accepted measurement.
+    /// it answers, by the machine's clock; `None` for a command that answers none, as the safe command. `clock` is the
+    /// monotonic time \[ns\]. Returns its length \[byte\] and destination; none before the first accepted measurement.
     pub fn command(
         &mut self,
         outgoing: &Outgoing,
