@@ -32,7 +32,8 @@ impl Segment {
         segment
     }
 
-    /// Sets the propagation delay to each device from the one before \[ns\].
+    /// Sets the propagation delay to each device from the one before \[ns\], the first from the main device. Devices
+    /// without an entry keep [`TYPICAL_DELAY`]; entries beyond the last device are ignored.
     pub fn with_delays(mut self, delays: &[u64]) -> Self {
         self.delays.iter_mut().zip(delays).for_each(|(to, from)| *to = *from);
         self
@@ -48,7 +49,8 @@ impl Segment {
         &mut self.devices
     }
 
-    /// Sets the number of connected devices: breaks the cable behind them, or mends it with the number of all.
+    /// Sets the number of connected devices: breaks the cable behind them, or mends it with the number of all. A
+    /// larger number counts as all.
     pub fn connect(&mut self, devices: usize) {
         self.connected = devices.min(self.devices.len());
         self.set_links();

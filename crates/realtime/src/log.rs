@@ -254,7 +254,7 @@ impl LogWriter {
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
     }
 
-    /// Appends the record of a control period.
+    /// Appends the record of a control period. Numbers that are not finite are left out, because JSON has none.
     ///
     /// # Errors
     ///
@@ -321,7 +321,8 @@ impl LogWriter {
     }
 }
 
-/// Records as CSV text with the columns of a log, one row per control period.
+/// Records as CSV text with the columns of a log, one row per control period; a number that is not finite is an empty
+/// cell.
 pub fn csv(records: &[Record]) -> String {
     let names: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut text = names.join(",") + "\n";
@@ -421,7 +422,8 @@ pub struct Table {
 ///
 /// # Errors
 ///
-/// [`LogError`] if the file cannot be read, contains no control period, or was not written by this program.
+/// [`LogError`] if the file cannot be read, contains no control period, or was not written by this program. Damage is
+/// no error: it is in [`Table::remarks`].
 pub fn read(path: &Path) -> Result<Table, LogError> {
     let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut rows = Vec::new();

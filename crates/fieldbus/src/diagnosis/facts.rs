@@ -38,8 +38,8 @@ impl ErrorCounters {
         }
     }
 
-    /// Frames that were damaged on the cable at a port: those of another cable count as forwarded only (ET1100 data
-    /// sheet, section I, error counters).
+    /// Number of frames, up to 255, that were damaged on the cable at a port, 0 to 3. Frames damaged on another cable
+    /// count as forwarded only (ET1100 data sheet, section I, error counters).
     pub fn damaged(&self, port: usize) -> u8 {
         self.invalid_frames[port]
     }
