@@ -191,12 +191,13 @@ pub struct MappedEntry {
     pub bits: usize,
 }
 
-/// Length of process data with these entries \[byte\].
+/// Length of process data with these entries \[byte\]: the sum of their bits, gaps included, rounded up.
 pub fn mapped_bytes(entries: &[MappedEntry]) -> usize {
     entries.iter().map(|entry| entry.bits).sum::<usize>().div_ceil(8)
 }
 
-/// Copies mapped values from output data into the dictionary; bits beyond the end of `bytes` are zero.
+/// Copies mapped values from output data into the dictionary; bits beyond the end of `bytes` are zero. Of an entry
+/// the lowest 64 bits are copied.
 pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary) {
     let mut first = 0;
     for entry in entries {
@@ -209,7 +210,8 @@ pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary
     }
 }
 
-/// Copies mapped values from the dictionary into input data; those beyond the end of `bytes` are left out.
+/// Copies mapped values from the dictionary into input data; those beyond the end of `bytes` are left out. Gaps are
+/// zero, and of an entry the lowest 64 bits are copied.
 pub fn pack(entries: &[MappedEntry], from: &ObjectDictionary, bytes: &mut [u8]) {
     bytes.fill(0);
     let mut first = 0;

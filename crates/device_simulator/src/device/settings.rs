@@ -90,7 +90,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Settings with a name and an identity, without mailbox and process data.
+    /// Settings with a name and an identity, without mailbox and process data. A mailbox request takes 0.3 ms, a state
+    /// change 1 ms (estimates).
     pub fn new(name: &str, identity: Identity) -> Self {
         Self {
             name: name.into(),

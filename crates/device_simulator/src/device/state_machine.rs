@@ -23,7 +23,8 @@ impl State {
     ///
     /// # Errors
     ///
-    /// AL status code for bootstrap (3), and for numbers without a state.
+    /// [`AlStatusCode::BootstrapNotSupported`] for bootstrap (3), [`AlStatusCode::UnknownState`] for numbers without a
+    /// state.
     pub fn of(number: u8) -> Result<Self, AlStatusCode> {
         match number {
             1 => Ok(Self::Init),
