@@ -235,7 +235,7 @@ impl<L: Link> Bus<L> {
         self.fault.map(|(fault, _)| fault)
     }
 
-    /// Expected working counter of an exchange.
+    /// Expected working counter of an exchange: the sum over all devices of 2 for outputs and 1 for inputs.
     pub fn working_counter(&self) -> u16 {
         self.working_counter
     }

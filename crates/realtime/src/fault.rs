@@ -58,7 +58,8 @@ pub enum Fault {
     MachineKilled,
     /// The machine's process pauses for 100 ms.
     MachinePaused,
-    /// The machine's process restarts: its measurements are counted from one again.
+    /// The machine's process restarts: its measurements are counted from one again, and it ignores commands for 500
+    /// periods.
     MachineRestarted,
     /// The simulation executes half of its steps.
     SimulationSlowed,
@@ -68,13 +69,13 @@ pub enum Fault {
     ControlStopped(u32),
     /// The control task is suspended for 12 of every 13 periods.
     ControlStarved,
-    /// The drive reaches at most a tenth of its speed.
+    /// The drive is limited to 300 rpm in either direction.
     DriveSaturated,
     /// The drive turns in the opposite direction.
     DriveReversed,
     /// The drive does not turn.
     DriveDead,
-    /// The drive turns at 300 rpm in the lifting direction at zero command.
+    /// The drive turns at 300 rpm in the lifting direction at zero command, and follows any other command.
     DriveLifts,
     /// The same in the lowering direction.
     DriveLowers,
@@ -82,13 +83,13 @@ pub enum Fault {
     ValveStuckShut,
     /// The valve does not close.
     ValveStuckOpen,
-    /// The payload falls off.
+    /// The payload falls off: its mass is 0 from then on.
     PayloadDropped,
-    /// A line on pump side A bursts.
+    /// A line on pump side A bursts: a hole of 3 mm, 50 L/min at 70 bar.
     LineBurst,
     /// The operator leaves.
     OperatorGone,
-    /// The clock jumps.
+    /// The machine's clock jumps once.
     ClockJump,
     /// The emergency stop is pressed.
     EmergencyStop,

@@ -208,7 +208,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if the file cannot be created.
+    /// [`LogError::File`] if the file cannot be created, [`LogError::Mcap`] if its header cannot be written.
     pub fn begin(path: &Path) -> Result<Self, LogError> {
         survive_large_files();
         let name = path.display().to_string();
@@ -231,7 +231,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be written.
+    /// [`LogError::Mcap`] when it cannot be written.
     pub fn add_bus_topic(&mut self, fields: &[(&str, &str)]) -> Result<Topic, LogError> {
         add_topic(&mut self.writer, BUS_TOPIC, BUS, fields)
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
@@ -241,7 +241,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be written; earlier messages stay readable.
+    /// [`LogError::Mcap`] when it cannot be written; earlier messages stay readable.
     pub fn add_message(
         &mut self,
         topic: &mut Topic,
@@ -258,7 +258,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if writing fails. Earlier records stay readable.
+    /// [`LogError::Mcap`] if writing fails, as on a full disk. Earlier records stay readable.
     pub fn add(&mut self, record: &Record) -> Result<(), LogError> {
         let mut message = Map::new();
         for (name, of) in NUMBERS {
@@ -295,7 +295,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if the part cannot be kept.
+    /// [`LogError::File`] if the part cannot be kept.
     pub fn leave(self) -> Result<PathBuf, LogError> {
         let (output, _) = self.writer.into_inner().into_inner().into_parts();
         Ok(output.leave()?)
@@ -305,7 +305,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if its end cannot be written.
+    /// [`LogError::Mcap`] if its end cannot be written, [`LogError::File`] if the file cannot be completed.
     pub fn finish(mut self) -> Result<(), LogError> {
         let path = self.path.clone();
         let failed = |error| LogError::Mcap { path, error };
