@@ -91,7 +91,7 @@ impl Peer {
 pub struct Hello {
     /// Kind of the sender.
     pub peer: Peer,
-    /// Control period \[ns\].
+    /// Control period \[ns\]; it must be the same on both sides.
     pub period: u32,
     /// Newest version of the interface that the sender supports.
     pub newest_version: u16,
@@ -118,7 +118,7 @@ pub struct MeasuredAxis {
 /// Command for one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommandedAxis {
-    /// Commanded motor speed \[rev/s\].
+    /// Commanded motor speed \[rev/s\], finite.
     pub motor_speed: f64,
     /// Load-holding valve: 1 energised (load released), 0 not (load held).
     pub holding_valve: f64,
@@ -133,7 +133,7 @@ pub struct Measurement {
     pub state: MachineState,
     /// Code of the machine's fault; 0 without a fault.
     pub fault: u16,
-    /// Number of valid entries in [`axes`](Self::axes).
+    /// Number of valid entries in [`axes`](Self::axes), 1 to [`MOST_AXES`].
     pub count: usize,
     /// Measurement of each axis.
     pub axes: [MeasuredAxis; MOST_AXES],
@@ -144,7 +144,7 @@ pub struct Measurement {
 pub struct Command {
     /// Whether the drives are enabled; else they are without torque.
     pub is_enabled: bool,
-    /// Number of valid entries in [`axes`](Self::axes).
+    /// Number of valid entries in [`axes`](Self::axes), 1 to [`MOST_AXES`].
     pub count: usize,
     /// Command for each axis.
     pub axes: [CommandedAxis; MOST_AXES],

@@ -22,12 +22,13 @@ pub struct Counters {
     pub sequence: u64,
     /// Datagrams with a number that is not finite.
     pub not_finite: u64,
-    /// Lost datagrams: skipped sequence numbers.
+    /// Lost datagrams: sequence numbers skipped before an accepted one. One that arrives later counts as lost and as
+    /// old.
     pub lost: u64,
 }
 
 impl Counters {
-    /// Sum of all dropped datagrams.
+    /// Sum of all dropped datagrams; lost ones, which never arrived, are not among them.
     pub fn dropped(&self) -> u64 {
         self.malformed + self.check_sum + self.session + self.sequence + self.not_finite
     }

@@ -422,7 +422,8 @@ pub struct Table {
 ///
 /// # Errors
 ///
-/// [`LogError`] if the file cannot be read, contains no control period, or was not written by this program. Damage is
+/// [`LogError::File`] if the file cannot be read. [`LogError::Foreign`] if it contains no control period, or was not
+/// written by this program. Damage is
 /// no error: it is in [`Table::remarks`].
 pub fn read(path: &Path) -> Result<Table, LogError> {
     let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
@@ -444,8 +445,10 @@ pub fn read(path: &Path) -> Result<Table, LogError> {
 ///
 /// # Errors
 ///
-/// [`LogError`] if the file cannot be read, is damaged, contains no control period, or was not written by
-/// this program.
+/// - [`LogError::File`] if the file cannot be read.
+/// - [`LogError::Damaged`] if a chunk or a message in it is damaged.
+/// - [`LogError::Foreign`] if it was not written by this program, a message lacks a field, or there is no control
+///   period in it.
 pub fn rows(path: &Path) -> Result<Vec<Row>, LogError> {
     let mut rows = Vec::new();
     let loss = messages(path, |value| {
