@@ -24,8 +24,8 @@ pub fn thread_time() -> u64 {
 }
 
 /// Sleeps until `spin` \[ns\] before the monotonic time `time` \[ns\], then polls the clock until `time`. A time in
-/// the past returns at once. A sleeping thread wakes
-/// tens of microseconds late. A spinning thread is punctual, but must leave the processor time for others.
+/// the past returns at once. A sleeping thread wakes tens of microseconds late. A spinning thread is punctual, but
+/// must leave the processor time for others.
 pub fn wait_until(time: u64, spin: u64) {
     let wake = time.saturating_sub(spin);
     if now() < wake {

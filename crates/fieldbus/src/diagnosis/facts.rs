@@ -65,7 +65,7 @@ pub struct LineDevice {
 }
 
 impl LineDevice {
-    /// Whether a port, 0 to 3, has a physical link (bits 4 to 7 of 0x0110).
+    /// Whether a port, 0 to 3, has a physical link: bit 4 + port of 0x0110 (ETG.1000.4).
     pub fn has_link(&self, port: usize) -> bool {
         self.ports >> (4 + port) & 1 != 0
     }

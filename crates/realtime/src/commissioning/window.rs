@@ -1,6 +1,6 @@
 //! Mean, deviation and drift of a signal over a window.
 
-/// Sums of a signal over a window, counted from its first value so that they stay small.
+/// Sums of a signal over a window of evenly spaced values, counted from its first value so that they stay small.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Window {
     origin: f64,
@@ -12,7 +12,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// Takes the next value, in the unit of the signal. A NaN makes all results but the count NaN or 0.
+    /// Takes the next value, in the unit of the signal. After a NaN mean and drift are NaN, and both deviations 0.
     pub fn add(&mut self, value: f64) {
         if self.count == 0.0 {
             self.origin = value;
