@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 pub enum Course {
     /// Out and back at constant speed, as in the paper's tests.
     Motion {
-        /// Speed of the reference \[mm/s\].
+        /// Speed of the reference at constant speed \[mm/s\], within the allowed speeds of the run.
         speed_mm_s: f64,
     },
     /// A named test scenario.

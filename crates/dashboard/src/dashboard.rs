@@ -62,7 +62,11 @@ impl Dashboard {
     ///
     /// # Errors
     ///
-    /// [`DashboardError`] if the server cannot be started.
+    /// - [`DashboardError::Remote`] if other computers can reach the address and `allow_remote` is false.
+    /// - [`DashboardError::Address`] if the address cannot be listened on.
+    /// - [`DashboardError::Token`] without random numbers for the token.
+    /// - [`DashboardError::Crane`] if the geometry of the crane cannot be computed.
+    /// - [`DashboardError::Thread`] if the thread or its runtime cannot be created.
     pub fn open(
         listen: SocketAddr,
         allow_remote: bool,
@@ -118,17 +122,18 @@ impl Dashboard {
         &self.address
     }
 
-    /// Adds the record of a control period to the charts.
+    /// Adds the record of a control period to the charts, which show every tenth one. A new viewer receives the last
+    /// 3000 of these: thirty seconds at a period of 1 ms.
     pub fn see(&mut self, record: &Record) {
         self.feed().see(record);
     }
 
-    /// Requests of the viewers since the last call, oldest first.
+    /// Requests of the viewers since the last call, oldest first; empty without any. It does not wait.
     pub fn demands(&mut self) -> Vec<Demand> {
         self.demands.try_iter().collect()
     }
 
-    /// Shows a notice, as plain text, to all viewers.
+    /// Shows a notice, as plain text, to all viewers. The last 20 are kept for new viewers.
     pub fn say(&mut self, text: &str) {
         self.feed().say(text);
     }
@@ -139,12 +144,12 @@ impl Dashboard {
         self.feed().result(result);
     }
 
-    /// Shows a fault and offers the last second before it as a download.
+    /// Shows a fault, and offers the last second before it as a download in CSV, which replaces an earlier one.
     pub fn alarm(&mut self, fault: &FaultData) {
         self.feed().alarm(fault);
     }
 
-    /// Offers the report of the last course, an HTML page of its own.
+    /// Offers the report of the last course, an HTML page of its own. It replaces an earlier one.
     pub fn set_report(&mut self, page: String) {
         self.feed().report = Some(page);
     }

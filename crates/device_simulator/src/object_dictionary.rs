@@ -94,7 +94,8 @@ impl ObjectDictionary {
         self.0.get(&key).ok_or_else(absent)
     }
 
-    /// Sets the value of an object as the device; a longer value is cut off, a shorter one filled with zeros.
+    /// Sets the value of an object as the device; a longer value is cut off, a shorter one filled with zeros. Without
+    /// such an object it has no effect.
     pub fn set(&mut self, key: Key, value: &[u8]) {
         if let Some(object) = self.0.get_mut(&key) {
             let mut bytes = value.iter().copied();
@@ -106,7 +107,9 @@ impl ObjectDictionary {
     ///
     /// # Errors
     ///
-    /// [`Abort`] if the object may not be written, or the length differs.
+    /// - [`Abort::NoObject`] or [`Abort::NoSubindex`] if there is no such object.
+    /// - [`Abort::ReadOnly`], or [`Abort::WrongState`] outside PREOP, if it may not be written.
+    /// - [`Abort::TooShort`] or [`Abort::TooLong`] if the length differs.
     pub fn write(&mut self, key: Key, value: &[u8], is_preop: bool) -> Result<(), Abort> {
         let object = self.object(key)?;
         match object.access {
@@ -123,7 +126,7 @@ impl ObjectDictionary {
         Ok(())
     }
 
-    /// Value of an object as an unsigned number; zero if there is no such object.
+    /// Value of an object as an unsigned number, of its first 8 bytes; zero if there is no such object.
     pub fn unsigned(&self, key: Key) -> u64 {
         let Some(object) = self.0.get(&key) else { return 0 };
         object
@@ -134,7 +137,8 @@ impl ObjectDictionary {
             .fold(0, |sum, byte| sum << 8 | u64::from(*byte))
     }
 
-    /// Value of an object as a signed number; zero if there is no such object.
+    /// Value of an object as a signed number in two's complement, of its first 8 bytes; zero if there is no such
+    /// object.
     pub fn signed(&self, key: Key) -> i64 {
         let bits = self.0.get(&key).map_or(0, |object| 8 * object.value.len().min(8) as u32);
         if bits == 0 {
@@ -148,12 +152,13 @@ impl ObjectDictionary {
         self.set(key, &value.to_le_bytes());
     }
 
-    /// Process data mapped by an assignment (0x1C12 or 0x1C13), in their order; an entry with index 0 is a gap.
+    /// Process data mapped by an assignment (0x1C12 for outputs, 0x1C13 for inputs), in their order. An entry with
+    /// index 0 is a gap.
     ///
     /// # Errors
     ///
-    /// [`Abort`] if an object does not exist or cannot be mapped in that direction, or an entry has another length
-    /// than its object.
+    /// - [`Abort::NoObject`] or [`Abort::NoSubindex`] if an object does not exist.
+    /// - [`Abort::NotMappable`] if it cannot be mapped in that direction, or its entry is longer than the object.
     pub fn mapped(&self, assignment: u16) -> Result<Vec<MappedEntry>, Abort> {
         let direction = if assignment == 0x1c12 { Mapping::Outputs } else { Mapping::Inputs };
         let mut entries = Vec::new();
@@ -186,12 +191,13 @@ pub struct MappedEntry {
     pub bits: usize,
 }
 
-/// Length of process data with these entries \[byte\].
+/// Length of process data with these entries \[byte\]: the sum of their bits, gaps included, rounded up.
 pub fn mapped_bytes(entries: &[MappedEntry]) -> usize {
     entries.iter().map(|entry| entry.bits).sum::<usize>().div_ceil(8)
 }
 
-/// Copies mapped values from output data into the dictionary; bits beyond the end of `bytes` are zero.
+/// Copies mapped values from output data into the dictionary; bits beyond the end of `bytes` are zero. Of an entry
+/// the lowest 64 bits are copied.
 pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary) {
     let mut first = 0;
     for entry in entries {
@@ -204,7 +210,8 @@ pub fn unpack(entries: &[MappedEntry], bytes: &[u8], into: &mut ObjectDictionary
     }
 }
 
-/// Copies mapped values from the dictionary into input data; those beyond the end of `bytes` are left out.
+/// Copies mapped values from the dictionary into input data; those beyond the end of `bytes` are left out. Gaps are
+/// zero, and of an entry the lowest 64 bits are copied.
 pub fn pack(entries: &[MappedEntry], from: &ObjectDictionary, bytes: &mut [u8]) {
     bytes.fill(0);
     let mut first = 0;

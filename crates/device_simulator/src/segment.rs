@@ -32,7 +32,8 @@ impl Segment {
         segment
     }
 
-    /// Sets the propagation delay to each device from the one before \[ns\].
+    /// Sets the propagation delay to each device from the one before \[ns\], the first from the main device. Devices
+    /// without an entry keep [`TYPICAL_DELAY`]; entries beyond the last device are ignored.
     pub fn with_delays(mut self, delays: &[u64]) -> Self {
         self.delays.iter_mut().zip(delays).for_each(|(to, from)| *to = *from);
         self
@@ -48,7 +49,8 @@ impl Segment {
         &mut self.devices
     }
 
-    /// Sets the number of connected devices: breaks the cable behind them, or mends it with the number of all.
+    /// Sets the number of connected devices: breaks the cable behind them, or mends it with the number of all. A
+    /// larger number counts as all.
     pub fn connect(&mut self, devices: usize) {
         self.connected = devices.min(self.devices.len());
         self.set_links();
@@ -73,7 +75,7 @@ impl Segment {
     }
 
     /// Passes a frame through the devices and back, from the time `now` \[ns\]. Returns false if nothing comes back:
-    /// an incomplete EtherCAT frame, no device, or a lost frame.
+    /// an incomplete EtherCAT frame, no device, or a lost or damaged frame.
     pub fn process(&mut self, frame: &mut [u8], now: u64) -> bool {
         let connected = &mut self.devices[..self.connected];
         let arrivals: Vec<u64> = self

@@ -235,7 +235,7 @@ impl<L: Link> Bus<L> {
         self.fault.map(|(fault, _)| fault)
     }
 
-    /// Expected working counter of an exchange.
+    /// Expected working counter of an exchange: the sum over all devices of 2 for outputs and 1 for inputs.
     pub fn working_counter(&self) -> u16 {
         self.working_counter
     }
@@ -328,11 +328,11 @@ impl<L: Link> Bus<L> {
     }
 
     /// Restarts the bus from INIT after a fault in which devices left OP or stopped answering; a person has removed
-    /// the cause.
+    /// the cause. The machine of the control task and the queue of the records stay in use.
     ///
     /// # Errors
     ///
-    /// [`StartError`], which says what to do.
+    /// As of [`start_in`](Self::start_in).
     pub fn restart_by_a_person(self) -> Result<Self, StartError> {
         let Self { initial_state, table, wire, side, machine, records, .. } = self;
         let mut bus = Self::start_on(initial_state, table, wire)?;

@@ -74,7 +74,8 @@ impl BusThread {
     ///
     /// # Errors
     ///
-    /// [`StartError`], which says what to do.
+    /// - [`StartError::Mismatch`] where the devices are not those of the table, or not set up as it says.
+    /// - [`StartError::Failed`] where a part of the start-up failed, or the thread panicked.
     pub fn start<L: Link + Send + 'static>(
         state: InitialState,
         table: Table,
@@ -101,7 +102,7 @@ impl BusThread {
     }
 
     /// Switches the drives off, brings the devices to INIT, and ends. No report where the task failed outside its
-    /// cycle.
+    /// cycle, or the bus did not start again after a reset.
     pub fn end(mut self) -> Option<BusReport> {
         self.join()
     }

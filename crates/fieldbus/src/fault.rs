@@ -7,25 +7,25 @@ use crate::table::Table;
 /// Fault that stops the machine: drives brake with torque, then are switched off. None resets itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Too many frames were lost, or came too late.
+    /// More cycles with a lost or late frame in the window than the table allows.
     FramesLost,
-    /// Too many frames came back with a working counter that is not the expected one.
+    /// More cycles in the window than the table allows had a frame with another working counter than the expected one.
     WorkingCounter,
     /// A device does not answer any more.
     DeviceSilent {
-        /// Its number.
+        /// Its position in the line, from 0.
         device: u16,
     },
     /// A device left OP (or SAFEOP) without a request, or did not reach OP.
     StateDropped {
-        /// Its number.
+        /// Its position in the line, from 0.
         device: u16,
         /// AL status code (0x0134); 0 where it could not be read.
         code: u16,
     },
     /// A drive has a fault.
     Drive {
-        /// Number of the device.
+        /// Position of the device in the line, from 0.
         device: u16,
         /// Error code (0x603F), 0 where the drive does not show it.
         code: u16,
@@ -33,17 +33,17 @@ pub enum Fault {
     /// The stop circuit of an enabled drive was opened: safe torque off, at once or after safe stop 1. It is no fault
     /// of the drive.
     SafeTorqueOff {
-        /// Number of the device.
+        /// Position of the device in the line, from 0.
         device: u16,
     },
     /// A drive switched itself off without saying why.
     DriveDisabled {
-        /// Number of the device.
+        /// Position of the device in the line, from 0.
         device: u16,
     },
     /// A drive is enabled and does not follow its target: statusword bits 9 or 12, or another mode than 9.
     TargetIgnored {
-        /// Number of the device.
+        /// Position of the device in the line, from 0.
         device: u16,
     },
     /// No new command came for two periods, or a command was NaN or infinite.

@@ -99,7 +99,8 @@ impl FrameRing {
     }
 
     /// The capture as the bytes of a pcapng file. `now` is the present time \[ns\] of the clock by which frames were
-    /// recorded; their times in the file are those of the calendar.
+    /// recorded; their times in the file are those of the calendar. Frames longer than a record are cut, and state
+    /// their original length.
     pub fn pcapng(&self, now: u64) -> Vec<u8> {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let epoch = (since_epoch.as_nanos() as u64).saturating_sub(now);

@@ -102,6 +102,7 @@ impl FieldbusMachine {
     }
 
     /// Resets a fault whose cause a person has removed. It is called on a person's request only, never automatically.
+    /// The bus task executes it in its next cycle.
     pub fn reset_by_a_person(&self) {
         self.shared.resets.fetch_add(1, Ordering::AcqRel);
     }

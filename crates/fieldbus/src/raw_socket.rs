@@ -33,11 +33,11 @@ pub struct RawSocket {
 
 impl RawSocket {
     /// Opens an interface for a main device. It is refused where another process has it, or where frames already
-    /// arrive.
+    /// arrive within 20 ms.
     ///
     /// # Errors
     ///
-    /// [`InterfaceError`], which says what to do.
+    /// [`InterfaceError::HasTraffic`] where frames arrive; else as of [`open_for_devices`](Self::open_for_devices).
     pub fn open(interface: &str) -> Result<Self, InterfaceError> {
         let mut raw = Self::open_for_devices(interface)?;
         let mut frame = [0; LARGEST_FRAME];
@@ -51,7 +51,10 @@ impl RawSocket {
     ///
     /// # Errors
     ///
-    /// [`InterfaceError`], which says what to do.
+    /// - [`InterfaceError::NoPermission`] where the process may not open a raw socket.
+    /// - [`InterfaceError::InUse`] where another process of this program has the interface.
+    /// - [`InterfaceError::System`] for another error of the system.
+    /// - The other variants, but `HasTraffic`, where the interface cannot carry the frames of a bus.
     pub fn open_for_devices(interface: &str) -> Result<Self, InterfaceError> {
         let link = check(interface)?;
         let of = |error: io::Error| match error.kind() {

@@ -52,7 +52,7 @@ pub enum InitialState {
     /// SAFEOP: inputs are valid and outputs stay safe. OP is requested by the first command that enables drives, and
     /// by a person's reset of a fault.
     SafeOp,
-    /// OP.
+    /// OP: outputs act from the first cycle on; drives are still without torque until a command enables them.
     Op,
 }
 
@@ -61,7 +61,7 @@ pub enum InitialState {
 pub enum StartError {
     /// The devices are not those of the table, or not set up as it says: one sentence each.
     Mismatch(Vec<String>),
-    /// A part of the start-up failed.
+    /// A part of the start-up failed: which, and why, in one sentence.
     Failed(String),
 }
 
@@ -85,7 +85,7 @@ impl<L: Link> Bus<L> {
     ///
     /// # Errors
     ///
-    /// [`StartError`], which says what to do.
+    /// As of [`start_in`](Self::start_in).
     pub fn start(table: Table, link: L) -> Result<Self, StartError> {
         Self::start_in(InitialState::Op, table, link)
     }
@@ -94,7 +94,9 @@ impl<L: Link> Bus<L> {
     ///
     /// # Errors
     ///
-    /// [`StartError`], which says what to do.
+    /// - [`StartError::Mismatch`] where the devices are not those of the table, or not set up as it says.
+    /// - [`StartError::Failed`] where no device answers, a device refuses a state, or another part of the start-up
+    ///   fails.
     pub fn start_in(state: InitialState, table: Table, link: L) -> Result<Self, StartError> {
         let frames = FrameRing::of(&table);
         let wire = Wire::new(link, MainDeviceConfig::default(), frames)

@@ -6,9 +6,9 @@ const LONGEST: u64 = 1_000_000_000;
 /// Counters since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Cycles.
+    /// Cycles that were begun.
     pub cycles: u64,
-    /// Exchanges.
+    /// Exchanges of process data, one or two a cycle.
     pub exchanges: u64,
     /// Exchanges whose frame did not come back in time.
     pub lost: u64,
@@ -30,7 +30,7 @@ pub struct Counters {
     pub limits: u64,
 }
 
-/// Distribution of times \[ns\].
+/// Distribution of times \[ns\]; longer ones than 1 s count as 1 s.
 pub type Histogram = hdrhistogram::Histogram<u64>;
 
 /// Distributions of times since the start.

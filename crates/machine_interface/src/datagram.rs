@@ -91,7 +91,7 @@ impl Peer {
 pub struct Hello {
     /// Kind of the sender.
     pub peer: Peer,
-    /// Control period \[ns\].
+    /// Control period \[ns\]; it must be the same on both sides.
     pub period: u32,
     /// Newest version of the interface that the sender supports.
     pub newest_version: u16,
@@ -118,7 +118,7 @@ pub struct MeasuredAxis {
 /// Command for one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CommandedAxis {
-    /// Commanded motor speed \[rev/s\].
+    /// Commanded motor speed \[rev/s\], finite.
     pub motor_speed: f64,
     /// Load-holding valve: 1 energised (load released), 0 not (load held).
     pub holding_valve: f64,
@@ -133,7 +133,7 @@ pub struct Measurement {
     pub state: MachineState,
     /// Code of the machine's fault; 0 without a fault.
     pub fault: u16,
-    /// Number of valid entries in [`axes`](Self::axes).
+    /// Number of valid entries in [`axes`](Self::axes), 1 to [`MOST_AXES`].
     pub count: usize,
     /// Measurement of each axis.
     pub axes: [MeasuredAxis; MOST_AXES],
@@ -144,7 +144,7 @@ pub struct Measurement {
 pub struct Command {
     /// Whether the drives are enabled; else they are without torque.
     pub is_enabled: bool,
-    /// Number of valid entries in [`axes`](Self::axes).
+    /// Number of valid entries in [`axes`](Self::axes), 1 to [`MOST_AXES`].
     pub count: usize,
     /// Command for each axis.
     pub axes: [CommandedAxis; MOST_AXES],
@@ -206,6 +206,8 @@ impl Writer<'_> {
 }
 
 /// Encodes a datagram into a buffer and returns its length \[byte\]. Nothing is allocated.
+///
+/// The number of axes must be 1 to [`MOST_AXES`], and numbers finite: the receiver drops any other datagram.
 pub fn encode(header: &Header, body: &Body, into: &mut [u8; LONGEST]) -> usize {
     let (kind, axes, body_length) = match body {
         Body::Hello(hello) => (HELLO, hello.axes, HELLO_HEAD + HELLO_AXIS * hello.axes),
@@ -296,7 +298,12 @@ impl Reader<'_> {
 ///
 /// # Errors
 ///
-/// [`Dropped`], the first reason in the order of its variants.
+/// The first reason that applies, in this order:
+/// - [`Dropped::Magic`], [`Dropped::Version`];
+/// - [`Dropped::Undefined`] for an undefined kind;
+/// - [`Dropped::Length`], also for a number of axes that is not 1 to [`MOST_AXES`];
+/// - [`Dropped::CheckSum`];
+/// - [`Dropped::Undefined`] for an undefined state or validity, or [`Dropped::NotFinite`], in the order of the axes.
 pub fn decode(bytes: &[u8]) -> Result<(Header, Body), Dropped> {
     if bytes.get(..4) != Some(&MAGIC) {
         return Err(Dropped::Magic);

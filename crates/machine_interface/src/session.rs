@@ -3,8 +3,8 @@
 use crate::datagram::{Body, Dropped, Header, decode};
 use std::time::Duration;
 
-/// Watchdog time of a machine: without an accepted command for longer it stops its motor and shuts its load-holding
-/// valve.
+/// Watchdog time of a machine, 20 ms: without an accepted command for longer it stops its motor and shuts its
+/// load-holding valve. Normative: `docs/reference/machine-interface.md`.
 pub const WATCHDOG: Duration = Duration::from_millis(20);
 
 /// Number of received datagrams, by whether and why they were dropped.
@@ -22,12 +22,13 @@ pub struct Counters {
     pub sequence: u64,
     /// Datagrams with a number that is not finite.
     pub not_finite: u64,
-    /// Lost datagrams: skipped sequence numbers.
+    /// Lost datagrams: sequence numbers skipped before an accepted one. One that arrives later counts as lost and as
+    /// old.
     pub lost: u64,
 }
 
 impl Counters {
-    /// Sum of all dropped datagrams.
+    /// Sum of all dropped datagrams; lost ones, which never arrived, are not among them.
     pub fn dropped(&self) -> u64 {
         self.malformed + self.check_sum + self.session + self.sequence + self.not_finite
     }
@@ -62,6 +63,9 @@ impl Session {
 
     /// Decodes and checks a received datagram; `None` if it is dropped, which is counted. A dropped one must not feed
     /// a watchdog.
+    ///
+    /// Accepted is a valid datagram of this session whose sequence number is above the last accepted one. A hello of
+    /// the session is accepted with any number.
     pub fn accept(&mut self, bytes: &[u8]) -> Option<(Header, Body)> {
         let counters = &mut self.counters;
         let (header, body) = match decode(bytes) {

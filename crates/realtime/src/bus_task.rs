@@ -122,8 +122,8 @@ impl BusTask {
         wait_for_input(&self.socket, nanoseconds);
     }
 
-    /// Receives the waiting datagrams; `clock` is the present monotonic time \[ns\]. Returns the number of accepted
-    /// measurements.
+    /// Receives the waiting datagrams, at most 64 in a call; `clock` is the present monotonic time \[ns\]. Returns the
+    /// number of accepted measurements.
     pub fn receive(&mut self, clock: u64) -> usize {
         // one byte more than the longest datagram, so that a longer one is recognised and not cut to a
         // valid length

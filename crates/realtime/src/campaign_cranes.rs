@@ -39,6 +39,7 @@ pub fn campaign_cranes() -> Result<Vec<CampaignCrane>, DescriptionError> {
 }
 
 /// Crane whose load-holding valve has the slowest switching time of its range, or the fastest if `slowest` is false.
+/// The machine takes delay and pilot line from the ranges of the crane file; the controller's model is unchanged.
 pub fn at_valve_end(crane: &CampaignCrane, slowest: bool) -> CampaignCrane {
     let mut changed = crane.clone();
     let ranges = crane.machine.ranges();

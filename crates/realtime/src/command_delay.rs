@@ -31,7 +31,8 @@ impl Default for CommandDelay {
 }
 
 impl CommandDelay {
-    /// Sets the delay \[steps\]; a longer one than 400 counts as 400.
+    /// Sets the delay \[integration steps\]; a longer one than 400 counts as 400. It acts from the next
+    /// [`push`](Self::push) on.
     pub fn set(&mut self, steps: usize) {
         self.delay = steps.min(LONGEST);
     }
@@ -41,7 +42,8 @@ impl CommandDelay {
         self.is_empty = true;
     }
 
-    /// Takes the newest command \[rev/s\], and returns the one that acts now. It does not allocate.
+    /// Takes the newest command \[rev/s\], and returns the one that acts now \[rev/s\]: that of the delay before. The
+    /// first command acts at once. A NaN is passed on like any other. It does not allocate.
     pub fn push(&mut self, command: f64) -> f64 {
         if self.is_empty {
             self.commands.fill(command);

@@ -26,7 +26,9 @@ impl Conditions {
         Numbers { payload: self.payload, transition: self.transition_pressure, ..*described }
     }
 
-    /// Conditions after a time step `time` \[s\] of a first-order approach to `others`.
+    /// Conditions after a time step `time` \[s\], at least 0, of a first-order approach to `others`.
+    ///
+    /// c ← c + min(t / T, 1) (c_others − c), with the time constant T = 0.25 s, a choice of this project.
     #[must_use]
     pub fn towards(&self, others: &Self, time: f64) -> Self {
         let share = (time / CHANGE).min(1.0);
@@ -38,6 +40,7 @@ impl Conditions {
     }
 
     /// Whether the conditions differ enough to change the simulated crane: by more than 1 kg or 0.1 bar.
+    /// A NaN differs from nothing.
     pub fn differ(&self, others: &Self) -> bool {
         (self.payload - others.payload).abs() > 1.0
             || (self.transition_pressure - others.transition_pressure).abs() > 1e4

@@ -165,7 +165,8 @@ impl ControlTask {
         self
     }
 
-    /// Control task whose state estimator starts with the parameters of an earlier run.
+    /// Control task whose state estimator starts with the parameters of an earlier run. Without a scheduled LQR for
+    /// the crane it has no effect.
     #[must_use]
     pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
         self.scheduled_lqr =
@@ -183,12 +184,14 @@ impl ControlTask {
         self.command_delay
     }
 
-    /// Motor speed of the simulated crane until the next period \[rev/s\]; none while the load is held.
+    /// Motor speed for the simulated crane until the next period \[rev/s\]; none while the controller does not move
+    /// the load.
     pub fn simulated_motor(&self) -> Option<f64> {
         self.decision.controls.then_some(self.simulated_motor)
     }
 
-    /// Executes one control period: from the newest measurement to the command, which the record contains.
+    /// Executes one control period: from the newest measurement to the command, which the record contains. It
+    /// allocates nothing, and reads no clock: all inputs are in `now`.
     pub fn period(&mut self, now: &Period) -> Record {
         let period = self.benchmark.period;
         let (new_readings, lost_readings) = self.read(now);

@@ -37,7 +37,8 @@ impl Course {
         Self { path, approach: Approach::None }
     }
 
-    /// Course of a trajectory that contains its own approach: it starts at time `-duration` \[s\].
+    /// Course of a trajectory that contains its own approach: it starts at time `-duration` \[s\], with `duration` at
+    /// least 0.
     pub fn with_approach(path: Arc<dyn Trajectory>, duration: f64) -> Self {
         Self { path, approach: Approach::Path(duration) }
     }

@@ -91,7 +91,7 @@ impl Desk {
     }
 
     /// Marks the operator as present for `seconds` from now. A later call replaces the time, also by a
-    /// shorter one.
+    /// shorter one. A negative or NaN time counts as 0: no operator is present.
     pub fn attend(&self, seconds: f64) {
         let until = now().saturating_add((seconds.max(0.0) * 1e9) as u64);
         self.attended_until.store(until, Ordering::Release);

@@ -24,7 +24,9 @@ fn read(path: &str) -> Option<String> {
     std::fs::read_to_string(path).ok().map(|text| text.trim().to_string())
 }
 
-/// Checks this computer. Nothing is changed beyond the call.
+/// Checks this computer: cores, kernel, hypervisor, real-time priority, memory lock, throttling, frequency governor,
+/// sleep states, isolated cores. What cannot be read counts as unsuitable, except a missing governor. Nothing is
+/// changed beyond the call.
 pub fn examine() -> Vec<Finding> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let version = read("/proc/sys/kernel/version").unwrap_or_default();

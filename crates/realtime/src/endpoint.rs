@@ -55,7 +55,7 @@ pub enum Received {
     Nothing,
     /// Session request of a machine; the reply has this many bytes.
     Hello(usize),
-    /// Measurement with its sequence number.
+    /// Measurement with its sequence number; its axes are those of this program.
     Measurement(u64, Measurement),
 }
 
@@ -91,7 +91,7 @@ pub struct Endpoint {
 
 impl Endpoint {
     /// Endpoint without a machine. `session` is an unpredictable session number, `period` the control
-    /// period \[ns\].
+    /// period \[ns\]; a 0 in either counts as 1.
     pub fn new(session: u64, period: u32) -> Self {
         Self {
             // zero marks the session request: a session's own number is at least 1
@@ -251,7 +251,8 @@ impl Endpoint {
     }
 
     /// Writes a command to the given bytes. `answers` is the sampling time \[ns\] of the measurement that
-    /// it answers. Returns its length and destination; none before the first accepted measurement.
+    /// it answers, by the machine's clock; `None` for a command that answers none, as the safe command. `clock` is the
+    /// monotonic time \[ns\]. Returns its length \[byte\] and destination; none before the first accepted measurement.
     pub fn command(
         &mut self,
         outgoing: &Outgoing,

@@ -118,9 +118,13 @@ pub struct Tasks {
 /// Runs a session in real time until its end condition holds. The attendant receives every record in an ordinary
 /// thread without a time limit. `tamper` applies the ordered faults to a virtual machine.
 ///
+/// Privileges that the system refuses are no error: they are in [`RealTime::lost`]. If the attendant panics, the
+/// session is ended by a controlled stop.
+///
 /// # Errors
 ///
-/// [`ExecutiveError`] if the run cannot start.
+/// - [`ExecutiveError::Memory`], before the run, without memory for the timing histograms.
+/// - [`ExecutiveError::Thread`], after it, if a thread panicked outside its guarded task.
 pub fn run(
     tasks: Tasks,
     lookout: Lookout<'_>,

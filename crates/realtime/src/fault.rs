@@ -3,15 +3,15 @@
 /// Fault of a sensor signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensor {
-    /// The last value is repeated.
+    /// The value at the start of the fault is repeated.
     Stuck,
-    /// Step of a tenth of the range.
+    /// Step of a tenth of the range (50 mm, 25 bar, 10 rev/s), on and off for 100 periods each.
     Jumping,
-    /// Increased noise.
+    /// Added noise, evenly distributed over ±2 % of the range (±10 mm, ±5 bar, ±2 rev/s).
     Noisy,
     /// The value is NaN.
     NotANumber,
-    /// Delay of 50 ms.
+    /// Delay of 50 measurements: 50 ms at a period of 1 ms.
     Delayed,
 }
 
@@ -39,16 +39,16 @@ pub enum WrongPosition {
     Drift2,
     /// Drift of 20 mm/s.
     Drift20,
-    /// 1.2 times the motion since the start of the fault.
+    /// The motion since the start of the fault is measured as 1.2 times its value.
     Gain,
-    /// 1.05 times the motion since the start of the fault.
+    /// The motion since the start of the fault is measured as 1.05 times its value.
     Gain5,
 }
 
 /// Injected fault of sensors, drive, valve, load, control or operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Sensor fault; the index is the signal's place in a measurement.
+    /// Sensor fault; the index is the signal's place in a measurement, 0 to 6.
     Sensor(usize, Sensor),
     /// Plausible but wrong pressure signal.
     Pressure(WrongPressure),
@@ -56,9 +56,10 @@ pub enum Fault {
     Position(WrongPosition),
     /// The machine's process ends.
     MachineKilled,
-    /// The machine's process pauses for 100 ms.
+    /// The machine's process pauses for 100 periods: 100 ms at a period of 1 ms.
     MachinePaused,
-    /// The machine's process restarts: its measurements are counted from one again.
+    /// The machine's process restarts: its measurements are counted from one again, and it ignores commands for 500
+    /// periods.
     MachineRestarted,
     /// The simulation executes half of its steps.
     SimulationSlowed,
@@ -68,13 +69,13 @@ pub enum Fault {
     ControlStopped(u32),
     /// The control task is suspended for 12 of every 13 periods.
     ControlStarved,
-    /// The drive reaches at most a tenth of its speed.
+    /// The drive is limited to 300 rpm in either direction.
     DriveSaturated,
     /// The drive turns in the opposite direction.
     DriveReversed,
     /// The drive does not turn.
     DriveDead,
-    /// The drive turns at 300 rpm in the lifting direction at zero command.
+    /// The drive turns at 300 rpm in the lifting direction at zero command, and follows any other command.
     DriveLifts,
     /// The same in the lowering direction.
     DriveLowers,
@@ -82,13 +83,13 @@ pub enum Fault {
     ValveStuckShut,
     /// The valve does not close.
     ValveStuckOpen,
-    /// The payload falls off.
+    /// The payload falls off: its mass is 0 from then on.
     PayloadDropped,
-    /// A line on pump side A bursts.
+    /// A line on pump side A bursts: a hole of 3 mm, 50 L/min at 70 bar.
     LineBurst,
     /// The operator leaves.
     OperatorGone,
-    /// The clock jumps.
+    /// The machine's clock jumps once.
     ClockJump,
     /// The emergency stop is pressed.
     EmergencyStop,

@@ -21,11 +21,11 @@ use hydroboom_virtual_crane::Truth;
 pub enum Moment {
     /// From the first period on, before the start.
     BeforeStart,
-    /// While the pump pre-loads its side.
+    /// While the pump pre-loads its side, before the valve opens.
     PreLoad,
-    /// During the first ramp.
+    /// In the middle of the first ramp, at half of the course's speed.
     Ramp,
-    /// At constant speed.
+    /// At constant speed, in the middle of the first travel.
     Cruise,
     /// At rest at the far end, with the load released.
     Rest,
@@ -110,7 +110,10 @@ pub struct Outcome {
 
 impl Outcome {
     /// Whether the fault was detected where required, and movement, time, pressure and end-stop force keep
-    /// to their bounds.
+    /// to their bounds, without an error of the simulation.
+    ///
+    /// The piston may touch an end stop only where the load has no support: with a valve stuck open, a burst line or
+    /// a dropped payload. A NaN exceeds its bound.
     pub fn is_within_bounds(&self) -> bool {
         let in_time = match (self.cause, self.time_bound) {
             (Some(_), Some(bound)) => self.safe_after.is_some_and(|time| time <= bound),

@@ -67,11 +67,15 @@ impl FlowBaseline {
     /// Baseline of a completed course from its records.
     ///
     /// Least squares over all measurements of the volume balance `A Δx + C = k V − λ L − c P`. The terms
-    /// are swept volume, compressed volume, displaced volume, leakage and slip.
+    /// are swept volume, compressed volume, displaced volume, leakage and slip. A negative leakage factor counts as 0.
     ///
     /// # Errors
     ///
-    /// [`BaselineError::Cycle`] if the course was stopped or the travel is too small.
+    /// [`BaselineError::Cycle`] in each of these cases:
+    /// - the course was stopped by a fault, or the piston moved less than 100 mm;
+    /// - the measurements do not determine the three factors;
+    /// - the RMS residual exceeds the tolerance of `monitor`;
+    /// - a factor is out of the range that [`read`](Self::read) allows.
     pub fn of_course(
         model: &Description,
         monitor: &FlowMonitor,
@@ -147,7 +151,8 @@ impl FlowBaseline {
         }
     }
 
-    /// Flow monitor with its ranges narrowed to this baseline.
+    /// Flow monitor with its ranges narrowed to this baseline and its allowed change, and never widened beyond those
+    /// of the crane file.
     pub fn narrowed(&self, monitor: FlowMonitor) -> FlowMonitor {
         let gain =
             Range { low: self.gain * (1.0 - GAIN_CHANGE), high: self.gain * (1.0 + GAIN_CHANGE) };
@@ -167,7 +172,7 @@ impl FlowBaseline {
         )
     }
 
-    /// Age of the baseline \[days\], by the computer's clock.
+    /// Age of the baseline \[days\], by the computer's clock; 0 if that clock is behind the time of recording.
     pub fn age_days(&self) -> f64 {
         (seconds_since_1970().saturating_sub(self.recorded_at)) as f64 / 86_400.0
     }
@@ -199,9 +204,13 @@ impl FlowBaseline {
 
     /// Reads a baseline file of the crane that `model` describes.
     ///
+    /// Ranges: flow gain 0.3 to 1.3, leakage factor 0 to 100, slip −1 to 1 cm³/(rev bar), residual 0 to 50 mm.
+    ///
     /// # Errors
     ///
-    /// [`BaselineError`] if the file cannot be read, a number is out of range, or it belongs to another crane.
+    /// - [`BaselineError::File`] if the file cannot be read.
+    /// - [`BaselineError::Other`] if it is no baseline, a number is missing, not finite or out of range, or its digest
+    ///   is that of another crane.
     pub fn read(model: &Description, path: &Path) -> Result<Self, BaselineError> {
         let name = path.display().to_string();
         let text = hydroboom_files::text(path, "baseline", LONGEST)?;

@@ -37,11 +37,12 @@ const LONGEST: f64 = 60.0;
 const LIMIT_FRACTION: f64 = 0.9;
 
 /// Simulates a trajectory on a healthy machine whose payload changes during the course: `loads` has the course time
-/// \[s\] and the new mass \[kg\] of each change.
+/// \[s\] and the new mass \[kg\] of each change, in order of time. It ends at the latest 60 s after the duration of
+/// the trajectory.
 ///
 /// # Errors
 ///
-/// [`SetupError`] if a crane cannot be built.
+/// [`SetupError`] if a crane cannot be built, or there are no supervision limits for the model.
 pub fn healthy_run(
     model: &Description,
     machine: &Description,

@@ -21,6 +21,9 @@ const PRIORITY: i32 = 60;
 /// Simulates the machine in real time and exchanges measurements and commands through shared memory, until commands
 /// have ceased for ten seconds.
 ///
+/// Without a command for longer than the watchdog time of the crane file, the motor stops and the load is held. It
+/// runs on core 0 with priority 60 (SCHED_FIFO), or at ordinary priority without the privilege.
+///
 /// # Errors
 ///
 /// [`SimulationError`] if the simulation of the crane fails.

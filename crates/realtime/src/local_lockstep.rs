@@ -41,7 +41,8 @@ pub struct LocalLockstep {
 }
 
 impl LocalLockstep {
-    /// Tasks with a machine on the local interface. `periods` are those of simulation and control \[s\].
+    /// Tasks with a machine on the local interface. `periods` are those of simulation and control \[s\]; the second is
+    /// a multiple of the first.
     pub fn new(
         (control, simulation): (ControlTask, SimulationTask),
         (bus, machine): (BusTask, LocalMachine),
@@ -81,7 +82,8 @@ impl LocalLockstep {
         (self.periods as f64 * self.period * 1e9).round() as u64
     }
 
-    /// Executes one control period: waits for a measurement and sends the command that answers it.
+    /// Executes one control period: waits for a measurement and sends the command that answers it. After two seconds
+    /// without one the machine is silent, and simulated time continues without it.
     pub fn period(&mut self, operator: &mut Operator, desk: &Desk) -> Record {
         let clock = self.next_period();
         self.wait(clock);

@@ -40,7 +40,7 @@ pub trait Disturbance {
     fn drive(&mut self, command: AxisCommand<f64>) -> AxisCommand<f64> {
         command
     }
-    /// Number of simulation steps that are executed.
+    /// Number of simulation steps that are executed in this period, given the number `due`.
     fn steps(&mut self, due: u32) -> u32 {
         due
     }
@@ -56,7 +56,7 @@ pub trait Disturbance {
     fn control_is_held_up(&mut self) -> bool {
         false
     }
-    /// Changes the machine itself.
+    /// Changes the machine itself, as its payload, valve or leakage, before it advances by a period.
     ///
     /// # Errors
     ///

@@ -208,7 +208,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if the file cannot be created.
+    /// [`LogError::File`] if the file cannot be created, [`LogError::Mcap`] if its header cannot be written.
     pub fn begin(path: &Path) -> Result<Self, LogError> {
         survive_large_files();
         let name = path.display().to_string();
@@ -231,7 +231,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be written.
+    /// [`LogError::Mcap`] when it cannot be written.
     pub fn add_bus_topic(&mut self, fields: &[(&str, &str)]) -> Result<Topic, LogError> {
         add_topic(&mut self.writer, BUS_TOPIC, BUS, fields)
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
@@ -241,7 +241,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] when it cannot be written; earlier messages stay readable.
+    /// [`LogError::Mcap`] when it cannot be written; earlier messages stay readable.
     pub fn add_message(
         &mut self,
         topic: &mut Topic,
@@ -254,11 +254,11 @@ impl LogWriter {
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
     }
 
-    /// Appends the record of a control period.
+    /// Appends the record of a control period. Numbers that are not finite are left out, because JSON has none.
     ///
     /// # Errors
     ///
-    /// [`LogError`] if writing fails. Earlier records stay readable.
+    /// [`LogError::Mcap`] if writing fails, as on a full disk. Earlier records stay readable.
     pub fn add(&mut self, record: &Record) -> Result<(), LogError> {
         let mut message = Map::new();
         for (name, of) in NUMBERS {
@@ -295,7 +295,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if the part cannot be kept.
+    /// [`LogError::File`] if the part cannot be kept.
     pub fn leave(self) -> Result<PathBuf, LogError> {
         let (output, _) = self.writer.into_inner().into_inner().into_parts();
         Ok(output.leave()?)
@@ -305,7 +305,7 @@ impl LogWriter {
     ///
     /// # Errors
     ///
-    /// [`LogError`] if its end cannot be written.
+    /// [`LogError::Mcap`] if its end cannot be written, [`LogError::File`] if the file cannot be completed.
     pub fn finish(mut self) -> Result<(), LogError> {
         let path = self.path.clone();
         let failed = |error| LogError::Mcap { path, error };
@@ -321,7 +321,8 @@ impl LogWriter {
     }
 }
 
-/// Records as CSV text with the columns of a log, one row per control period.
+/// Records as CSV text with the columns of a log, one row per control period; a number that is not finite is an empty
+/// cell.
 pub fn csv(records: &[Record]) -> String {
     let names: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut text = names.join(",") + "\n";
@@ -421,7 +422,9 @@ pub struct Table {
 ///
 /// # Errors
 ///
-/// [`LogError`] if the file cannot be read, contains no control period, or was not written by this program.
+/// [`LogError::File`] if the file cannot be read. [`LogError::Foreign`] if it contains no control period, or was not
+/// written by this program. Damage is
+/// no error: it is in [`Table::remarks`].
 pub fn read(path: &Path) -> Result<Table, LogError> {
     let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut rows = Vec::new();
@@ -442,8 +445,10 @@ pub fn read(path: &Path) -> Result<Table, LogError> {
 ///
 /// # Errors
 ///
-/// [`LogError`] if the file cannot be read, is damaged, contains no control period, or was not written by
-/// this program.
+/// - [`LogError::File`] if the file cannot be read.
+/// - [`LogError::Damaged`] if a chunk or a message in it is damaged.
+/// - [`LogError::Foreign`] if it was not written by this program, a message lacks a field, or there is no control
+///   period in it.
 pub fn rows(path: &Path) -> Result<Vec<Row>, LogError> {
     let mut rows = Vec::new();
     let loss = messages(path, |value| {

@@ -49,7 +49,8 @@ pub struct Delay {
 }
 
 impl Delay {
-    /// Delays of measurement and command in whole cycles; their sum is the total.
+    /// Delays of measurement and command \[cycles\], rounded; their sum is the rounded total. A negative or NaN delay
+    /// counts as 0.
     pub fn cycles(&self) -> [usize; 2] {
         // a negative or NaN delay counts as zero
         let whole = |cycles: f64| cycles.max(0.0).round() as usize;
@@ -79,7 +80,8 @@ impl Outgoing {
         Self { command: Command { axes: [decision.command] }, is_enabled: decision.is_enabled() }
     }
 
-    /// Whether all motors are commanded to zero and all loads to be held.
+    /// Whether all motors are commanded to zero and all loads to be held, with drives enabled or not. A NaN is not
+    /// safe.
     pub fn is_safe(&self) -> bool {
         self.command == Self::SAFE.command
     }

@@ -125,7 +125,8 @@ impl Operator {
         self.reset = asked.or(before).filter(|p| is_wanted && holds(p.generation));
     }
 
-    /// Request to the supervisor in the coming period.
+    /// Request to the supervisor in the coming period. An emergency stop comes before all others, and is the only
+    /// request of a desk that listens only.
     pub fn request(&self) -> Request {
         match self.state {
             _ if self.emergency => Request::EmergencyStop,

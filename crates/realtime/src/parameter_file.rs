@@ -69,7 +69,8 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
     format!("{value:#}\n")
 }
 
-/// Parameters in one line of text, each with two standard deviations.
+/// Parameters in one line of text: transition pressure \[bar\] and unknown flow \[rpm\], each with two standard
+/// deviations, and the time constant of the drive's lag \[ms\].
 pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> String {
     let drive =
         DriveLag { coefficient: parameters.drive_coefficient, variance: parameters.drive_variance };
@@ -85,9 +86,16 @@ pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> Str
 
 /// Reads a parameter file of the crane that `model` describes.
 ///
+/// Unknown flow, transition pressure and drive lag lie within the ranges of the crane file's tuning, the correlation
+/// within −1 to 1. Flow and transition pressure differ from the crane file by at most three standard deviations
+/// √(σ_file² + σ_initial²).
+///
 /// # Errors
 ///
-/// [`ParameterFileError`] if the file cannot be read, its numbers are invalid, or it belongs to another crane.
+/// - [`ParameterFileError::File`] if the file cannot be read.
+/// - [`ParameterFileError::Other`] if it is no parameter file, belongs to another crane, or a number is missing, out
+///   of range or contradicts the crane file.
+/// - [`ParameterFileError::Design`] if there is no estimator for this crane.
 pub fn read(
     model: &Description,
     path: &Path,

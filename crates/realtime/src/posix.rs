@@ -23,8 +23,9 @@ pub fn thread_time() -> u64 {
     clock(libc::CLOCK_THREAD_CPUTIME_ID)
 }
 
-/// Sleeps until `spin` before `time` \[ns\], then polls the clock until `time`. A sleeping thread wakes
-/// tens of microseconds late. A spinning thread is punctual, but must leave the processor time for others.
+/// Sleeps until `spin` \[ns\] before the monotonic time `time` \[ns\], then polls the clock until `time`. A time in
+/// the past returns at once. A sleeping thread wakes tens of microseconds late. A spinning thread is punctual, but
+/// must leave the processor time for others.
 pub fn wait_until(time: u64, spin: u64) {
     let wake = time.saturating_sub(spin);
     if now() < wake {
@@ -42,11 +43,12 @@ pub fn wait_until(time: u64, spin: u64) {
     }
 }
 
-/// Pins the calling thread to one core.
+/// Pins the calling thread to one core, counted from 0.
 ///
 /// # Errors
 ///
-/// Error of the operating system.
+/// `InvalidInput` for a core beyond the size of a CPU set (1024 on Linux). Else the error of the operating system, as
+/// for a core that is missing or not allowed.
 pub fn pin_to(core: usize) -> io::Result<()> {
     // SAFETY: a cpu_set_t is a plain array of bits, for which zero is a valid value.
     let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
@@ -64,24 +66,25 @@ pub fn pin_to(core: usize) -> io::Result<()> {
 ///
 /// # Errors
 ///
-/// Error of the operating system; without privileges, that the call is not permitted.
+/// Error of the operating system: without privileges, that the call is not permitted; outside 1 to 99, that the
+/// argument is invalid.
 pub fn run_first(priority: i32) -> io::Result<()> {
     let parameter = libc::sched_param { sched_priority: priority };
     // SAFETY: `parameter` is valid; 0 is the calling thread.
     checked(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameter) })
 }
 
-/// Locks all present and future memory of the process in RAM.
+/// Locks all present and future memory of the process in RAM, so that no cycle waits for a page (`mlockall`).
 ///
 /// # Errors
 ///
-/// Error of the operating system.
+/// Error of the operating system: the limit of locked memory is exceeded, or the process has no privilege.
 pub fn lock_memory() -> io::Result<()> {
     // SAFETY: no pointers are passed.
     checked(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
 }
 
-/// Whether the process may lock all of its memory.
+/// Whether the process may lock all of its memory: it runs as root, or its limit RLIMIT_MEMLOCK is infinite.
 pub fn may_lock_memory() -> bool {
     let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
     // SAFETY: `limit` is valid to write to; geteuid always succeeds.
@@ -96,7 +99,8 @@ pub fn effective_user() -> u32 {
     unsafe { libc::geteuid() }
 }
 
-/// Sleeps until data can be read from a file descriptor, for at most the given time \[ns\].
+/// Sleeps until data can be read from a file descriptor, for at most the given time \[ns\]. A signal or an error ends
+/// the sleep early, so that the next read decides whether data came.
 pub fn wait_for_input(of: &impl AsRawFd, nanoseconds: u64) {
     let mut waited = libc::pollfd { fd: of.as_raw_fd(), events: libc::POLLIN, revents: 0 };
     let most = libc::timespec {
@@ -125,11 +129,11 @@ pub fn survive_large_files() {
 }
 
 /// Keeps the processor out of deep sleep states, whose exit latency is long, as long as the returned file
-/// is open.
+/// is open. It writes an allowed latency of 0 us to `/dev/cpu_dma_latency`.
 ///
 /// # Errors
 ///
-/// Error of the operating system; without privileges, that the call is not permitted.
+/// Error of the operating system: without privileges, that the call is not permitted; or that the file does not exist.
 pub fn stay_awake() -> io::Result<File> {
     let mut file = File::options().write(true).open("/dev/cpu_dma_latency")?;
     file.write_all(&0_i32.to_ne_bytes())?;

@@ -45,7 +45,11 @@ pub enum ReactionError {
 /// Time simulated after the start of a reaction \[s\].
 const WATCHED: f64 = 2.5;
 
-/// Effects of both reactions on a machine that moves inwards and outwards at the given piston speeds \[m/s\].
+/// Effects of both reactions on a machine that moves inwards and outwards at the given piston speeds \[m/s\], which
+/// are positive.
+///
+/// Each reaction begins in the middle of a stroke at constant speed, and is observed for 2.5 s. A case whose course
+/// the supervisor stops before is left out.
 ///
 /// # Errors
 ///
@@ -135,7 +139,8 @@ fn effect(
 
 /// Drop of the load \[m\] if the valve opens onto an empty pump side and an ideal monitor shuts it again.
 /// The monitor measures the piston itself and reacts in the period in which it has sunk by 0.1 mm. The
-/// result is the drop due to pilot and closing time alone.
+/// result is the largest drop within 2.5 s, due to pilot and closing time alone. The piston starts at half stroke or
+/// farther out.
 ///
 /// # Errors
 ///

@@ -72,7 +72,7 @@ impl Trajectory for Recorded {
 }
 
 /// Recomputes the records of a log from its measurements, row by row. `strategy` replaces the logged control strategy;
-/// none keeps it.
+/// none keeps it. Without rows there are no records.
 ///
 /// # Errors
 ///

@@ -64,7 +64,7 @@ pub trait Attendant {
     /// Receives the true state of the machine in a period, before that period's record. Only in simulated
     /// time: a machine in another process reports no more than its sensors.
     fn see_truth(&mut self, _truth: &Truth) {}
-    /// Returns the orders to pass on; called regularly.
+    /// Returns the orders to pass on, in their order; called regularly, and often without any being due.
     fn orders(&mut self) -> Vec<Order>;
     /// Receives a failure of a real-time task. After a failure of the control task the session can only be
     /// ended.
@@ -141,7 +141,8 @@ impl Session {
         }
     }
 
-    /// Updates the session with the record of a control period.
+    /// Updates the session with the record of a control period. The records of the last second are kept for the case
+    /// of a fault.
     pub fn see(&mut self, record: &Record) {
         let period = self.model.numbers.control_period;
         self.recent.push_back(*record);
@@ -183,7 +184,7 @@ impl Session {
     }
 
     /// Orders that make the tasks ready for a trajectory: the course from the piston's position, and the simulation
-    /// synchronised to that position.
+    /// synchronised to that position. Before the first record the piston counts as at the start of the trajectory.
     ///
     /// `payload_changes` are those of the course: its time \[s\], and the payload from then on \[kg\], in order of
     /// time.
@@ -210,6 +211,10 @@ impl Session {
     }
 
     /// Orders that are due without a request of the operator: payload changes and synchronisations.
+    ///
+    /// The simulation is synchronised when the payload or oil that was estimated over a held load has changed. It is
+    /// also synchronised at most three times a course after a fallback due to it, once piston and set point have
+    /// rested within 2 mm for 0.3 s.
     pub fn orders(&mut self) -> Vec<Order> {
         let mut orders = Vec::new();
         if let Some(time) = self.last.and_then(|r| r.course_time) {

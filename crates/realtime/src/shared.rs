@@ -58,11 +58,11 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Creates the shared memory at a path, empty.
+    /// Creates the shared memory at a path, empty, with access for its owner only (mode 0600).
     ///
     /// # Errors
     ///
-    /// Error of the operating system if the file cannot be created.
+    /// Error of the operating system if the file exists already (`AlreadyExists`), or cannot be created or mapped.
     pub fn create(path: &Path) -> io::Result<Self> {
         // accessible to its owner only: a write to it moves the machine
         let mut options = OpenOptions::new();
@@ -77,7 +77,9 @@ impl Shared {
     ///
     /// # Errors
     ///
-    /// Error of the operating system, or that the file is not such a memory.
+    /// - `PermissionDenied` if another user owns the file, or others have access to it.
+    /// - `InvalidData` if it is not such a memory: its length or its first word differs.
+    /// - Another error of the operating system if it cannot be opened or mapped.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
         let metadata = file.metadata()?;
@@ -110,7 +112,8 @@ impl Shared {
         }
     }
 
-    /// Newest command of the executive with its number, for the machine's process. None before the first one.
+    /// Newest command of the executive with its number, for the machine's process: motor speed \[rev/s\] and
+    /// load-holding valve. None before the first one. Numbers are those of the other process, and may be NaN.
     pub fn command(&self) -> Option<(u64, Command)> {
         let (_, [sequence, speed, valve]) = self.layout().command.read()?;
         let (motor_speed, holding_valve) = (f64::from_bits(speed), f64::from_bits(valve));

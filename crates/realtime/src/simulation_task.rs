@@ -96,7 +96,8 @@ impl SimulationTask {
     }
 
     /// Executes one integration step with the newest command of the pump's speed \[rev/s\], which acts after the delay
-    /// that is set.
+    /// that is set. A step that fails sets [`Simulated::failed`]. Further ones then have no effect until
+    /// [`synchronise`](Self::synchronise).
     pub fn step(&mut self, pump_speed: f64) {
         if self.simulated.failed {
             return;
@@ -120,7 +121,7 @@ impl SimulationTask {
     }
 
     /// Sets the delay from command to actuation at the machine \[control periods\], so that the simulated crane is in step
-    /// with the machine. At most 20 periods of 20 steps.
+    /// with the machine. A delay of more than 400 integration steps (20 periods of 20 steps) counts as 400.
     pub fn set_command_delay(&mut self, periods: usize) {
         self.command_delay.set(periods.saturating_mul(self.steps_per_period));
     }

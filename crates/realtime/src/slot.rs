@@ -36,7 +36,7 @@ impl<const N: usize> Slot<N> {
     }
 
     /// Newest value and its version, which grows by two with each. None before the first value, and if a
-    /// write is in progress in every attempt (or was interrupted for good).
+    /// write is in progress in each of 16 attempts (or was interrupted for good).
     pub fn read(&self) -> Option<(u64, [u64; N])> {
         for _ in 0..TRIES {
             let version = self.version.load(Ordering::Acquire);

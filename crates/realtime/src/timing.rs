@@ -62,21 +62,24 @@ impl Timing {
     }
 
     /// Distribution of the release delay: pairs of a delay \[us\] and the share of releases with a longer one \[-\].
+    /// The largest delay is left out; empty before two different delays.
     pub fn later_than(&self) -> Vec<(f64, f64)> {
         beyond(&self.lateness)
     }
 
     /// Distribution of the execution time: pairs of a time \[us\] and the share of steps that take longer \[-\].
+    /// The longest time is left out; empty before two different times.
     pub fn longer_than(&self) -> Vec<(f64, f64)> {
         beyond(&self.execution)
     }
 
-    /// Quantile of the release delay \[us\]; `share` from 0 to 1.
+    /// Quantile of the release delay \[us\]; `share` from 0 to 1, a larger one counts as 1. 0 before the first
+    /// release.
     pub fn lateness_us(&self, share: f64) -> f64 {
         self.lateness.value_at_quantile(share) as f64 * 1e-3
     }
 
-    /// Quantile of the execution time \[us\]; `share` from 0 to 1.
+    /// Quantile of the execution time \[us\]; `share` from 0 to 1, a larger one counts as 1. 0 before the first step.
     pub fn execution_us(&self, share: f64) -> f64 {
         self.execution.value_at_quantile(share) as f64 * 1e-3
     }

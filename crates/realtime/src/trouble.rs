@@ -18,7 +18,7 @@ pub enum Tampering {
     Fault(Fault),
     /// All faults end.
     Mend,
-    /// The payload changes to this mass \[kg\].
+    /// The payload changes to this mass \[kg\]; active faults stay.
     Payload(f64),
 }
 
@@ -111,7 +111,7 @@ impl Trouble {
         }
     }
 
-    /// Adds a second fault, which acts beside the first.
+    /// Adds a second fault, which acts beside the first. It replaces an earlier second one.
     pub fn add(&mut self, fault: Fault) {
         self.active[1] = Some(Active { fault, since: 0, first: None });
     }

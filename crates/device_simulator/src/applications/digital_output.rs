@@ -28,7 +28,7 @@ impl std::fmt::Debug for DigitalOutput {
 const FIRST: u16 = 0x7000;
 
 impl DigitalOutput {
-    /// Digital output device with a number of channels, at most 32, without a mailbox.
+    /// Digital output device with a number of channels, without a mailbox; more than 32 count as 32.
     pub fn device(
         settings: Settings,
         channels: u8,

@@ -33,7 +33,7 @@ impl DriveState {
         }
     }
 
-    /// Whether the motor may have torque in this state.
+    /// Whether the motor may have torque in this state: in operation, during a quick stop and a fault reaction.
     pub fn has_torque(self) -> bool {
         matches!(self, Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive)
     }

@@ -33,7 +33,7 @@ const DIGITAL_INPUTS: Key = (0x60fd, 0);
 /// Bit 3 of 0x60FD: interlock, here safe torque off.
 const INTERLOCK: i64 = 0x08;
 
-/// Motor with its load, behind a servo drive.
+/// Motor with its load, behind a servo drive. Speeds and angles are positive in the drive's positive direction.
 pub trait Motor {
     /// Commands a speed \[rev/s\] with torque on; `None` switches the torque off.
     fn command(&mut self, speed: Option<f64>);
@@ -82,7 +82,7 @@ pub struct DriveSettings {
     pub unit: VelocityUnit,
     /// Position increments per revolution in 0x6064.
     pub increments: u32,
-    /// Deceleration of a quick stop and of a fault reaction \[rev/s²\].
+    /// Deceleration of a quick stop and of a fault reaction \[rev/s²\], positive.
     pub deceleration: f64,
     /// Whether the process data mapping is fixed and padded to even addresses; else it can be changed in PREOP.
     pub is_mapping_fixed: bool,

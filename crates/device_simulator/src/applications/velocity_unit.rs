@@ -23,6 +23,9 @@ const REVOLUTION_PER_MINUTE: u32 = 0xb4 << 16 | 0x47 << 8;
 
 impl VelocityUnit {
     /// One unit of velocity as a motor speed \[rev/s\].
+    ///
+    /// Increments: gear / factor / increments per revolution; a divisor of 0 in them counts as 1. With a prefix p:
+    /// 10^p / 60.
     pub fn rev_per_s(self) -> f64 {
         match self {
             Self::Increments { per_revolution, gear, factor } => {
@@ -33,7 +36,7 @@ impl VelocityUnit {
         }
     }
 
-    /// Adds the objects that state the unit to a dictionary.
+    /// Adds the objects that state the unit to a dictionary, read-only: 0x608F, 0x6091 and 0x6096, or 0x60A9.
     pub fn describe(self, dictionary: &mut ObjectDictionary) {
         let mut add = |key, value: u32| {
             dictionary.add(key, &value.to_le_bytes(), ObjectAccess::ReadOnly, Mapping::None);

@@ -23,7 +23,8 @@ const RELOAD: u16 = 0x0400;
 const COMMAND_ERROR: u16 = 0x2000;
 
 impl Eeprom {
-    /// Executes the command in the control register. The EEPROM is read-only: a write command is refused.
+    /// Executes the command in the control register (0x0502): a read puts eight bytes from the word address 0x0504
+    /// into 0x0508. The EEPROM is read-only: a write command is refused, which bit 13 of 0x0502 shows.
     pub fn execute(&self, memory: &mut Memory) {
         let command = memory.u16(EEPROM + 2) & COMMAND;
         let first = 2 * memory.u32(EEPROM + 4) as usize;

@@ -52,7 +52,7 @@ impl Fmmu {
         })
     }
 
-    /// Overlap with a datagram of `length` \[byte\] at a logical address; `None` without overlap.
+    /// Overlap with a datagram of `length` \[byte\] at a logical address \[byte\]; `None` without overlap.
     pub fn overlap(&self, address: u32, length: usize) -> Option<Overlap> {
         let first = 8 * u64::from(address);
         let begin = first.max(self.logical);

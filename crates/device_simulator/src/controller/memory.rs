@@ -38,34 +38,36 @@ impl Memory {
         self.bytes(address, N).first_chunk().copied().unwrap_or([0; N])
     }
 
-    /// Value of 8 bits at an address.
+    /// Value of 8 bits at an address; 0 beyond the end of the memory.
     pub fn u8(&self, address: u16) -> u8 {
         self.array::<1>(address)[0]
     }
 
-    /// Value of 16 bits at an address.
+    /// Value of 16 bits at an address; 0 if it does not lie wholly within the memory.
     pub fn u16(&self, address: u16) -> u16 {
         u16::from_le_bytes(self.array(address))
     }
 
-    /// Value of 32 bits at an address.
+    /// Value of 32 bits at an address; 0 if it does not lie wholly within the memory.
     pub fn u32(&self, address: u16) -> u32 {
         u32::from_le_bytes(self.array(address))
     }
 
-    /// Value of 64 bits at an address.
+    /// Value of 64 bits at an address; 0 if it does not lie wholly within the memory.
     pub fn u64(&self, address: u16) -> u64 {
         u64::from_le_bytes(self.array(address))
     }
 
-    /// Writes bytes as the device itself, read-only registers included.
+    /// Writes bytes as the device itself, read-only registers included. Bytes beyond the end of the memory are left
+    /// out.
     pub fn set(&mut self, address: u16, bytes: &[u8]) {
         for (to, from) in self.bytes_mut(address, bytes.len()).iter_mut().zip(bytes) {
             *to = *from;
         }
     }
 
-    /// Writes bytes as the main device: read-only registers stay as they are.
+    /// Writes bytes as the main device: read-only registers stay as they are. Bytes beyond the end of the memory are
+    /// left out.
     pub fn write(&mut self, address: u16, bytes: &[u8]) {
         for (at, byte) in (address..).zip(bytes) {
             if at >= PROCESS_MEMORY || is_writable(at) {

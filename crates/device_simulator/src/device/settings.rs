@@ -90,7 +90,8 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Settings with a name and an identity, without mailbox and process data.
+    /// Settings with a name and an identity, without mailbox and process data. By default a mailbox
+    /// request takes 0.3 ms and a state change 1 ms, and the software is version 1.0.
     pub fn new(name: &str, identity: Identity) -> Self {
         Self {
             name: name.into(),

@@ -13,7 +13,7 @@ const CATEGORIES: usize = 0x80;
 /// Size of the EEPROM in kbit, less one, as its header states.
 const SIZE: u16 = 15;
 
-/// Content of a device's EEPROM \[byte\].
+/// Content of a device's EEPROM, in bytes, from its settings and the process data of its dictionary.
 pub fn content(settings: &Settings, dictionary: &ObjectDictionary) -> Vec<u8> {
     let mut bytes = vec![0; CATEGORIES];
     let mut put = |word: usize, value: &[u8]| {

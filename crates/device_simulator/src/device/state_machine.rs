@@ -23,7 +23,8 @@ impl State {
     ///
     /// # Errors
     ///
-    /// AL status code for bootstrap (3), and for numbers without a state.
+    /// [`AlStatusCode::BootstrapNotSupported`] for bootstrap (3), [`AlStatusCode::UnknownState`] for numbers without a
+    /// state.
     pub fn of(number: u8) -> Result<Self, AlStatusCode> {
         match number {
             1 => Ok(Self::Init),
@@ -51,7 +52,10 @@ fn is_allowed(from: State, to: State) -> bool {
 ///
 /// # Errors
 ///
-/// AL status code with which the device refuses the change.
+/// AL status code with which the device refuses the change:
+/// - [`AlStatusCode::InvalidStateChange`] for a change up by more than one state;
+/// - from INIT to PREOP: [`AlStatusCode::InvalidMailbox`], mailboxes other than those of the EEPROM;
+/// - from PREOP to SAFEOP: a mapping, sync manager, watchdog or SYNC setting that the device does not allow.
 pub fn check(
     from: State,
     to: State,

@@ -33,7 +33,7 @@ const SDO_RESPONSE: u8 = 3;
 /// SDO information.
 const SDO_INFORMATION: u8 = 8;
 
-/// Parses a mailbox message.
+/// Parses a mailbox message. Too short a one, or one shorter than its header states, is [`Request::Malformed`].
 pub fn request(bytes: &[u8]) -> Request {
     let Some(header) = bytes.first_chunk::<HEADERS>() else { return Request::Malformed };
     let length = usize::from(u16::from_le_bytes([header[0], header[1]]));
@@ -59,14 +59,15 @@ fn coe(service: u8, counter: u8, data: &[u8]) -> Vec<u8> {
 /// Command specifier of an abort, the upper three bits of an SDO.
 const ABORT: u8 = 4;
 
-/// Answer to an SDO request with a mailbox counter and the SDO part of the message. An abort has the service of a
-/// request: a main device that looks at the service first (SOEM) reads it as data otherwise.
+/// Answer to an SDO request with a mailbox counter (1 to 7) and the SDO part of the message. An abort has the service
+/// of a request: a main device that looks at the service first (SOEM) reads it as data otherwise.
 pub fn sdo_response(counter: u8, data: &[u8]) -> Vec<u8> {
     let is_abort = data.first().is_some_and(|command| command >> 5 == ABORT);
     coe(if is_abort { SDO_REQUEST } else { SDO_RESPONSE }, counter, data)
 }
 
-/// Answer to an SDO information request: error, as the service is not supported.
+/// Answer to an SDO information request, with a mailbox counter (1 to 7): error with the abort code 0x06010000, as the
+/// service is not supported.
 pub fn sdo_information_error(counter: u8) -> Vec<u8> {
     let abort = (crate::object_dictionary::Abort::UnsupportedAccess as u32).to_le_bytes();
     coe(SDO_INFORMATION, counter, &[&[7, 0, 0, 0], &abort[..]].concat())
@@ -81,13 +82,14 @@ pub struct Emergency {
     pub register: u8,
 }
 
-/// Mailbox message of an emergency, with a mailbox counter.
+/// Mailbox message of an emergency, with a mailbox counter (1 to 7).
 pub fn emergency(counter: u8, message: Emergency) -> Vec<u8> {
     let [low, high] = message.code.to_le_bytes();
     coe(EMERGENCY, counter, &[low, high, message.register, 0, 0, 0, 0, 0])
 }
 
-/// Mailbox error message with a detail code: 1 for a malformed header (syntax), 2 for an unsupported protocol.
+/// Mailbox error message with a mailbox counter (1 to 7) and a detail code: 1 for a malformed header (syntax), 2 for
+/// an unsupported protocol.
 pub fn error(counter: u8, detail: u16) -> Vec<u8> {
     let [low, high] = detail.to_le_bytes();
     vec![4, 0, 0, 0, 0, ERROR | counter << 4, 1, 0, low, high]

@@ -7,6 +7,7 @@ use crate::object_dictionary::{Abort, Key};
 const UPLOAD_OVERHEAD: usize = super::HEADERS + 8;
 
 /// Answers an SDO request by two functions of the object's key, `read` and `write`; `None` if there is no answer.
+/// That is so for an abort by the main device, and for a request of less than four bytes.
 ///
 /// The answer is the SDO part of a response: command, index, subindex, data. `mailbox_length` is that of the mailbox
 /// for answers \[byte\].

@@ -38,8 +38,8 @@ impl ErrorCounters {
         }
     }
 
-    /// Frames that were damaged on the cable at a port: those of another cable count as forwarded only (ET1100 data
-    /// sheet, section I, error counters).
+    /// Number of frames, up to 255, that were damaged on the cable at a port, 0 to 3. Frames damaged on another cable
+    /// count as forwarded only (ET1100 data sheet, section I, error counters).
     pub fn damaged(&self, port: usize) -> u8 {
         self.invalid_frames[port]
     }
@@ -65,7 +65,7 @@ pub struct LineDevice {
 }
 
 impl LineDevice {
-    /// Whether a port, 0 to 3, has a physical link (bits 4 to 7 of 0x0110).
+    /// Whether a port, 0 to 3, has a physical link: bit 4 + port of 0x0110 (ETG.1000.4).
     pub fn has_link(&self, port: usize) -> bool {
         self.ports >> (4 + port) & 1 != 0
     }
@@ -85,9 +85,10 @@ pub struct SyncManager {
 pub struct SetUp {
     /// Propagation delay from the reference clock to the device (0x0928) \[ns\]; 0 without a clock.
     pub delay: u32,
-    /// Process-data watchdog by registers 0x0400 and 0x0420 \[ns\]; 0 is switched off.
+    /// Process-data watchdog by registers 0x0400 and 0x0420 \[ns\]; 0 is switched off, none without outputs or where
+    /// it was not read.
     pub watchdog: Option<u64>,
-    /// PDI watchdog by registers 0x0400 and 0x0410 \[ns\]; 0 is switched off.
+    /// PDI watchdog by registers 0x0400 and 0x0410 \[ns\]; 0 is switched off, none where it was not read.
     pub pdi_watchdog: Option<u64>,
     /// Registers 0x0980 (owner of the SYNC unit) and 0x0981 (activation); none before clocks are set up.
     pub dc_activation: Option<[u8; 2]>,
@@ -113,11 +114,11 @@ pub struct SetUp {
 pub struct Percentiles {
     /// Smallest.
     pub min: u64,
-    /// 1 %.
+    /// 1st percentile: 1 % of the samples are at most this long.
     pub p1: u64,
-    /// 50 %.
+    /// Median.
     pub p50: u64,
-    /// 99 %.
+    /// 99th percentile.
     pub p99: u64,
     /// Largest.
     pub max: u64,
@@ -152,15 +153,15 @@ pub struct Listening {
     pub late_outputs: u64,
     /// Whether more were late in a window than the table allows lost frames.
     pub has_too_many_late: bool,
-    /// Margin of the outputs to SYNC0, at the reference clock.
+    /// Margin of the outputs to SYNC0, at the reference clock \[ns\].
     pub margin: Percentiles,
-    /// When the first exchange of a cycle passes the reference clock, after SYNC0.
+    /// Time from SYNC0 to the passage of the first exchange of a cycle at the reference clock \[ns\].
     pub phase: Percentiles,
-    /// From the sending of a frame to its return.
+    /// Time from the sending of a frame to its return, by this computer's clock \[ns\].
     pub round_trip: Percentiles,
-    /// How late this computer sent the first frame of a cycle.
+    /// Delay with which this computer sent the first frame of a cycle \[ns\].
     pub late_by: Percentiles,
-    /// From the first exchange of a cycle to that of the next, as they were sent.
+    /// Time from the first exchange of a cycle to that of the next, as they were sent \[ns\].
     pub period: Percentiles,
 }
 

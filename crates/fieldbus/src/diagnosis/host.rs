@@ -38,7 +38,8 @@ pub struct HostFacts {
 }
 
 impl HostFacts {
-    /// Reads them for a network interface.
+    /// Reads the facts for a network interface, by its name. What cannot be read is none, with a remark; it never
+    /// fails.
     pub fn read(interface: &str) -> Self {
         let mut facts = Self { interface: interface.into(), ..Self::default() };
         let folder = if_nametoindex(interface)

@@ -72,7 +72,7 @@ pub fn diagnose<L: Link>(table: &Table, link: L, host: HostFacts) -> Result<Diag
 ///
 /// # Errors
 ///
-/// A sentence where the bus could not be read at all.
+/// A sentence where ethercrab's main device could not be created, or the thread panicked.
 pub fn diagnose_in_real_time<L: Link + Send + 'static>(
     table: Table,
     link: L,

@@ -37,15 +37,17 @@ pub struct BusSettings {
     /// Exchanges in a period: two, and a command acts one period after its measurement; or one, and it acts two
     /// periods after.
     pub exchanges: u32,
-    /// Time from SYNC0 to the first exchange \[ns\].
+    /// Time from SYNC0 to the first exchange \[ns\], 1 us to less than a period.
     pub exchange: u64,
-    /// Time from SYNC0 to the second exchange \[ns\].
+    /// Time from SYNC0 to the second exchange \[ns\], after the first one and within the period. Unused with one
+    /// exchange.
     pub send: u64,
-    /// Largest number of cycles with a lost frame, or with a low working counter, within the window.
+    /// Largest number of cycles with a lost frame, or with a low working counter, within the window; 0 to less than
+    /// its length.
     pub lost_max: u32,
-    /// Length of that window \[cycles\].
+    /// Length of that window \[cycles\], 1 to 100000.
     pub window: u32,
-    /// Time after a fault in which drives brake before they are switched off \[ns\].
+    /// Time after a fault in which drives brake with torque before they are switched off \[ns\], 0 to 10 s.
     pub brake: u64,
 }
 
@@ -154,7 +156,7 @@ pub struct DeviceRow {
     pub revision: [u32; 2],
     /// Process-data watchdog (0x0420) \[ns\], two periods to 6.5 s; none: the device's own setting is kept.
     pub watchdog: Option<u64>,
-    /// Synchronisation.
+    /// Synchronisation of its inputs and outputs: none, SYNC0, or SYNC0 and SYNC1.
     pub sync: Sync,
     /// Whether PDOs that differ are written; if not, they are a mismatch.
     pub is_mapping_written: bool,
@@ -167,12 +169,12 @@ pub struct DeviceRow {
 }
 
 impl DeviceRow {
-    /// Bytes of outputs.
+    /// Length of all outputs \[byte\]: the sum of their bits, rounded up; 0 without outputs.
     pub fn output_bytes(&self) -> usize {
         bytes(&self.outputs)
     }
 
-    /// Bytes of inputs.
+    /// Length of all inputs \[byte\]: the sum of their bits, rounded up; 0 without inputs.
     pub fn input_bytes(&self) -> usize {
         bytes(&self.inputs)
     }
@@ -191,11 +193,11 @@ fn bytes(lists: &[Pdo]) -> usize {
 /// Location of a value in the inputs or the outputs of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Position of the device.
+    /// Position of the device in the line, from 0.
     pub device: usize,
     /// First bit, from the beginning of its inputs or outputs; bit 0 is the lowest of the first byte.
     pub bit: usize,
-    /// Length \[bit\].
+    /// Length \[bit\]; of a longer one than 64 the first 64 count.
     pub bits: u8,
 }
 
@@ -221,16 +223,16 @@ impl Place {
 /// Status bits of an input: a condition that holds while the masked bits equal a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BitCondition {
-    /// The input.
+    /// Location of the status bits in the inputs.
     pub place: Place,
-    /// The bits.
+    /// Mask of the bits that are compared.
     pub mask: u64,
-    /// Their value.
+    /// Value of the masked bits at which the condition holds.
     pub value: u64,
 }
 
 impl BitCondition {
-    /// Whether the condition holds.
+    /// Whether the condition holds for the inputs `bytes` of its device; bits beyond their end count as zero.
     pub fn is_set(&self, bytes: &[u8]) -> bool {
         self.place.read(bytes) & self.mask == self.value
     }
@@ -296,13 +298,13 @@ pub const COMMANDED: [&str; 2] = ["motor_speed_rev_per_s", "holding_valve"];
 /// A drive by CiA 402, and the places of its objects in the process data.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveRow {
-    /// Position of the device.
+    /// Position of the device in the line, from 0.
     pub device: usize,
     /// Axis whose motor it is, from 0.
     pub axis: usize,
     /// Controlword, 0x6040.
     pub controlword: Place,
-    /// Target velocity, 0x60FF.
+    /// Target velocity, 0x60FF, in the drive's unit of velocity.
     pub target: Place,
     /// Mode of operation, 0x6060; none: by SDO at start-up.
     pub mode: Option<Place>,

@@ -74,7 +74,8 @@ impl Scale {
         self.factor * counts as f64 + self.offset
     }
 
-    /// The counts nearest to a value, limited to the range and to what the type can hold; zero counts for NaN.
+    /// The counts nearest to a value \[SI unit\]: (value − offset) / factor, rounded. The value is limited to the
+    /// range, the counts to what the type can hold; zero counts for NaN.
     pub fn counts(&self, value: f64) -> i64 {
         let [low, high] = self.kind.range();
         let [lowest, highest] = self.range;
@@ -82,7 +83,7 @@ impl Scale {
         if value.is_nan() { 0 } else { (counts.round() as i64).max(low).min(high) }
     }
 
-    /// Whether a value lies within the range.
+    /// Whether a value \[SI unit\] lies within the range, ends included; false for NaN.
     pub fn has(&self, value: f64) -> bool {
         (self.range[0]..=self.range[1]).contains(&value)
     }

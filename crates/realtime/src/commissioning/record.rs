@@ -255,7 +255,10 @@ pub fn measured(step: Step, q: &Quantities) -> Vec<(String, f64)> {
 ///
 /// # Errors
 ///
-/// [`RecordError`], which names what is wrong or differs.
+/// - [`RecordError::File`] if the file cannot be read.
+/// - [`RecordError::Other`] if it is no record of this format, or was changed.
+/// - [`RecordError::NotPassed`] if a step failed or was not reached.
+/// - [`RecordError::Differs`] if crane, bus table, devices or program are not those of `now`.
 pub fn check(path: &Path, now: &Basis) -> Result<(), RecordError> {
     let text = own_text(path, "record of a commissioning", LONGEST)?;
     check_text(&path.display().to_string(), &text, now)

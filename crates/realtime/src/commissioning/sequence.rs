@@ -63,9 +63,10 @@ pub enum Action {
 /// Measured quantities; NaN where one was not measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantities {
-    /// Mean of each signal at rest, in its SI unit, motor speed in rev/s.
+    /// Mean of each signal at rest, in the order of a measurement: stroke \[m\], pressures \[Pa\], motor speed
+    /// \[rev/s\].
     pub rest: [f64; SIGNALS],
-    /// Standard deviation of each signal at rest about its straight line.
+    /// Standard deviation of each signal at rest about its least-squares line, in the same order and units.
     pub noise: [f64; SIGNALS],
     /// The machine's code while the stop circuit was open; 0 where it reported no fault.
     pub stop_circuit_code: f64,
@@ -76,9 +77,9 @@ pub struct Quantities {
     pub motor_ratio: f64,
     /// Delay from commanded to measured motor speed, at half of the slow speed \[cycles\].
     pub motor_reaction: f64,
-    /// Rise of the pump side's pressure in the slow turn \[Pa\], and revolutions for it \[rev\].
+    /// Rise of the pump side's pressure in the slow turn \[Pa\].
     pub polarity_rise: f64,
-    /// Revolutions of the motor until then \[rev\].
+    /// Revolutions of the motor until that rise \[rev\].
     pub polarity_revolutions: f64,
     /// Lift by the release \[m\].
     pub release_lift: f64,
@@ -240,7 +241,7 @@ impl Sequence {
         self.step
     }
 
-    /// What the operator is asked to do now.
+    /// What the operator is asked to do now; none while no action is needed.
     pub fn prompt(&self) -> Option<Prompt> {
         self.prompt
     }
@@ -258,7 +259,7 @@ impl Sequence {
         &self.outcomes
     }
 
-    /// Measured quantities.
+    /// Quantities that were measured so far; NaN where one was not.
     pub fn quantities(&self) -> &Quantities {
         &self.quantities
     }
@@ -276,7 +277,9 @@ impl Sequence {
         self.ending == Some(Ending::Over)
     }
 
-    /// One control period.
+    /// Executes one control period: checks the measurement, advances the step, and returns what to send. An elapsed
+    /// time that is not finite or not positive counts as one control period. Once the sequence is over, it sends the
+    /// safe command.
     pub fn period(&mut self, now: &Now) -> Action {
         let is_sane = now.elapsed.is_finite() && now.elapsed > 0.0;
         let elapsed = if is_sane { now.elapsed } else { self.limits.period };

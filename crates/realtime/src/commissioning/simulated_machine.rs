@@ -20,17 +20,17 @@ const REACTION: f64 = 0.5;
 /// Mistakes of wiring and set-up that commissioning is to find; the default has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mistakes {
-    /// Factor of the motor's command.
+    /// Factor of the motor's command \[1\], 1 by default; negative for a reversed motor.
     pub motor: f64,
-    /// Factor of the measured motor speed.
+    /// Factor of the measured motor speed \[1\], 1 by default.
     pub motor_reading: f64,
     /// Whether the position counts from the other end of the stroke.
     pub is_position_reversed: bool,
-    /// Scale of the position about its value at the begin.
+    /// Scale of the position about its value at the begin \[1\], 1 by default.
     pub position_scale: f64,
-    /// Two signals that are swapped, by their places.
+    /// Two signals that are swapped, by their places in a measurement, from 0; `None` by default.
     pub swapped: Option<(usize, usize)>,
-    /// A signal that is not a number.
+    /// A signal that is not a number, by its place in a measurement, from 0; `None` by default.
     pub not_a_number: Option<usize>,
     /// Whether the stop circuit does nothing.
     pub is_stop_circuit_stuck: bool,
@@ -102,17 +102,18 @@ impl SimulatedMachine {
         })
     }
 
-    /// The crane.
+    /// Virtual crane behind the wiring, with its true state.
     pub fn crane(&self) -> &VirtualCrane {
         &self.crane
     }
 
-    /// True displacement of the piston since the begin \[m\].
+    /// True displacement of the piston since the begin \[m\], positive outwards.
     pub fn moved(&self) -> f64 {
         self.crane.truth().outputs.stroke - self.begin
     }
 
-    /// One control period.
+    /// Advances the crane by one control period. The command acts only while drives are enabled and the watchdog has
+    /// not expired; otherwise the motor is at zero and the load is held.
     ///
     /// # Errors
     ///

@@ -77,12 +77,12 @@ impl Step {
         }
     }
 
-    /// Its place in [`ALL`](Self::ALL).
+    /// Its place in [`ALL`](Self::ALL), from 0.
     pub fn place(self) -> usize {
         self as usize
     }
 
-    /// The one after it.
+    /// The step after it; none after the last one.
     pub fn next(self) -> Option<Self> {
         Self::ALL.get(self.place() + 1).copied()
     }

@@ -83,7 +83,8 @@ fn place(prompt: Option<Prompt>) -> usize {
 ///
 /// # Errors
 ///
-/// Why the thread failed; the machine's watchdog has then stopped it.
+/// Message of a panic of the thread. The safe command was then sent; where it did not arrive, the machine's watchdog
+/// has stopped it.
 pub fn run(
     mut sequence: Sequence,
     mut machine: Box<dyn Machine>,

@@ -1,6 +1,6 @@
 //! Mean, deviation and drift of a signal over a window.
 
-/// Sums of a signal over a window, counted from its first value so that they stay small.
+/// Sums of a signal over a window of evenly spaced values, counted from its first value so that they stay small.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Window {
     origin: f64,
@@ -12,7 +12,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// Takes a value.
+    /// Takes the next value, in the unit of the signal. After a NaN mean and drift are NaN, and both deviations 0.
     pub fn add(&mut self, value: f64) {
         if self.count == 0.0 {
             self.origin = value;
@@ -29,25 +29,31 @@ impl Window {
         self.count
     }
 
-    /// Mean; NaN of an empty window.
+    /// Mean, in the unit of the signal; NaN of an empty window.
     pub fn mean(&self) -> f64 {
         self.origin + self.sum / self.count
     }
 
-    /// Standard deviation; NaN of an empty window.
+    /// Standard deviation √(Σ(x − x̄)² / n), in the unit of the signal; 0 of an empty window.
     pub fn deviation(&self) -> f64 {
         let mean = self.sum / self.count;
         (self.squares / self.count - mean * mean).max(0.0).sqrt()
     }
 
-    /// Standard deviation about the straight line through all values; NaN below two values.
+    /// Standard deviation about the least-squares line through all values, in the unit of the signal; 0 below two
+    /// values.
+    ///
+    /// √(σ² − d² (n + 1) / (12 (n − 1))), with the deviation σ, the drift d and the number of values n.
     pub fn residual_deviation(&self) -> f64 {
         let (n, ramp) = (self.count, self.drift());
         let of_line = ramp * ramp * (n + 1.0) / (12.0 * (n - 1.0));
         (self.deviation().powi(2) - of_line).max(0.0).sqrt()
     }
 
-    /// Change from the first value to the last one of the straight line through all of them; NaN below two values.
+    /// Change from the first value to the last one of the least-squares line through all of them, in the unit of the
+    /// signal; NaN below two values.
+    ///
+    /// (n − 1) Σ(k − k̄) x_k / (n (n² − 1) / 12), with the place k = 0 … n − 1.
     pub fn drift(&self) -> f64 {
         let n = self.count;
         let spread = n * (n * n - 1.0) / 12.0;

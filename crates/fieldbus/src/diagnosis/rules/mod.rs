@@ -15,7 +15,8 @@ use crate::check::{Subject, mismatches};
 use crate::start_up::identities_fit;
 use crate::table::Table;
 
-/// All findings: errors before warnings, and within a severity causes before effects.
+/// All findings: errors before warnings, and within a severity causes before effects; empty where nothing is wrong. A
+/// cause of delay in this computer is an error where frames are late, else a warning.
 pub fn findings(table: &Table, bus: &BusFacts, host: &HostFacts) -> Vec<Finding> {
     let mut found = cable::findings(table, bus);
     found.extend(devices::findings(table, bus));
