@@ -126,7 +126,8 @@ fn options_that_do_not_fit_and_a_load_without_room_are_refused() {
     fails_with(&of(&["udp:8150", "--simulated-time"]), "only the virtual crane");
     fails_with(&of(&["virtual", "--bus", "Cargo.toml"]), "--bus");
     let nowhere = file("no-such-folder/record.toml");
-    let unwritten = ["commission", "--machine", "virtual", "--simulated-time", "--record", &nowhere];
+    let unwritten =
+        ["commission", "--machine", "virtual", "--simulated-time", "--record", &nowhere];
     fails_with(&hydroboom(&unwritten), "does not begin without its record");
     // a held load near its upper stop leaves no room for the travel
     let at_the_stop = [
